@@ -1,0 +1,84 @@
+// The toothprep binary: parses the command line, runs one subcommand, turns errors into one line.
+#include <tbb/global_control.h>
+
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <iostream>
+#include <new>
+#include <thread>
+
+#include "command.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/version.h"
+
+namespace toothprep::app {
+
+void say(const Common& common, const std::string& line) {
+  if (!common.quiet) std::cerr << line << '\n';
+}
+void warn(const std::string& line) { std::cerr << "warning: " << line << '\n'; }
+
+std::string data_folder() {
+  namespace fs = std::filesystem;
+  if (const char* given = std::getenv("TOOTHPREP_DATA")) return given;
+  std::error_code error;
+  const fs::path self = fs::read_symlink("/proc/self/exe", error);
+  for (const fs::path& candidate :
+       {self.parent_path() / ".." / "share" / "toothprep", fs::path(kSourceDataFolder)})
+    if (fs::is_directory(candidate, error)) return candidate.string();
+  return kSourceDataFolder;
+}
+
+namespace {
+
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r') c = ' ';
+  return text;
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{
+      "toothprep: haptic tooth preparation, offline. Layered teeth from CT, replay of handpiece\n"
+      "trajectories through the force, virtual-coupling and stall pipeline, traces and meshes.\n"
+      "Example: toothprep specimen molar -o molar.vdb"};
+  app.set_version_flag("--version", std::string("toothprep ") + kVersion);
+  app.require_subcommand(1);
+  app.fallthrough();
+  Common common;
+  app.add_flag("--quiet,-q", common.quiet, "No talk on stderr but warnings and errors");
+  app.add_option("--threads", common.threads, "Threads for offline work (0: all cores)")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  for (const AddCommand add :
+       {add_specimen, add_voxelize, add_info, add_replay, add_export, add_mesh})
+    add(app, common);
+  std::optional<tbb::global_control> limit;
+  app.parse_complete_callback([&] {
+    if (common.threads > 0)
+      limit.emplace(tbb::global_control::max_allowed_parallelism, common.threads);
+  });
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace toothprep::app
+
+int main(int argc, char** argv) {
+  try {
+    return toothprep::app::run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::cerr << "toothprep: not enough memory for this input\n";
+  } catch (const std::exception& e) {
+    std::cerr << "toothprep: " << toothprep::app::one_line(e.what()) << '\n';
+  } catch (...) {
+    std::cerr << "toothprep: unknown failure\n";
+  }
+  return 1;
+}

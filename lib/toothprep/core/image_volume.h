@@ -1,0 +1,30 @@
+// A dense 3-D image with its place in the world, free of any image library. x varies fastest.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "toothprep/core/geometry.h"
+
+namespace toothprep {
+
+template <class T>
+struct ImageVolume {
+  Index3 size = Index3::Zero();           // voxels
+  Vec3 spacing = Vec3::Ones();            // mm
+  Vec3 origin = Vec3::Zero();             // mm, W: the centre of voxel (0, 0, 0)
+  Mat3 direction = Mat3::Identity();      // columns: the image axes in W (LPS)
+  std::vector<T> data;                    // size.prod() values
+
+  std::size_t offset(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;
+  }
+  T& at(int i, int j, int k) { return data[offset(i, j, k)]; }
+  const T& at(int i, int j, int k) const { return data[offset(i, j, k)]; }
+  Vec3 to_world(const Vec3& index) const {
+    return origin + direction * spacing.cwiseProduct(index);
+  }
+};
+
+}  // namespace toothprep

@@ -1,0 +1,50 @@
+#include "toothprep/core/output_file.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <system_error>
+
+#include "toothprep/core/errors.h"
+
+namespace toothprep {
+namespace fs = std::filesystem;
+
+OutputFile::OutputFile(std::string path, bool force, bool directory)
+    : path_(std::move(path)), directory_(directory) {
+  while (path_.size() > 1 && path_.back() == '/') path_.pop_back();
+  std::error_code error;
+  const fs::path target(path_);
+  if (path_.empty() || target.filename().empty())
+    throw Error("an output needs a file name, got '" + path_ + "'");
+  if (fs::exists(target, error) && !force)
+    throw Error(path_ + ": exists already; give --force to replace it");
+  if (fs::is_directory(target, error) != directory_ && fs::exists(target, error))
+    throw Error(path_ + (directory_ ? ": is a file; a folder is to be written here"
+                                    : ": is a folder; a file is to be written here"));
+  const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
+  if (!fs::is_directory(folder, error))
+    throw Error(path_ + ": the folder '" + folder.string() + "' does not exist; create it first");
+  if (access(folder.c_str(), W_OK) != 0)
+    throw Error(path_ + ": the folder '" + folder.string() + "' can't be written");
+  temporary_ = (folder / ("." + target.stem().string() + ".part" + std::to_string(getpid()) +
+                          target.extension().string()))
+                   .string();
+  fs::remove_all(temporary_, error);
+  if (directory_) fs::create_directory(temporary_);
+}
+
+OutputFile::~OutputFile() {
+  std::error_code error;
+  if (!committed_) fs::remove_all(temporary_, error);
+}
+
+void OutputFile::commit() {
+  std::error_code error;
+  if (directory_) fs::remove_all(path_, error);
+  fs::rename(temporary_, path_, error);
+  if (error) throw Error(path_ + ": cannot be written: " + error.message());
+  committed_ = true;
+}
+
+}  // namespace toothprep
