@@ -1,5 +1,237 @@
+// toothprep replay: a trajectory through force, coupling, stall and removal; a trace and the
+// prepared tooth.
+#include "toothprep/session/replay.h"
+
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
 #include "command.h"
+#include "toothprep/bur/bur_library.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/hash.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/core/units.h"
+#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/trace/trace.h"
+#include "toothprep/version.h"
 
 namespace toothprep::app {
-void add_replay(CLI::App&, const Common&) {}
+namespace {
+
+constexpr double kFarFromTooth = 5.0;  // mm
+
+struct Options {
+  std::string tooth, trajectory, bur, output, prepared, params;
+  std::string preset, drive = "coupled", engine;
+  std::optional<double> stiffness, damping, rotation_rate, stall_torque, time_step;
+  bool force = false, json = false, strict = false, allow_gaps = false;
+};
+
+Trajectory load_trajectory(const std::string& path) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  if (extension == ".toml") return read_script(path);
+  if (extension == ".csv") return read_csv_trajectory(path);
+  if (extension == ".h5" || extension == ".hdf5") return read_h5_trajectory(path);
+  throw InputError(path, "", "not a trajectory by its name", "use .toml, .csv or .h5");
+}
+
+Parameters load_parameters(const Options& o) {
+  const std::string preset = o.preset.empty() ? "paper" : o.preset;
+  Parameters p = o.params.empty() ? preset_parameters(preset) : read_parameters(o.params, preset);
+  if (!o.engine.empty())
+    p.engine = o.engine == "voxel" ? EngineKind::kVoxel : EngineKind::kLevelset;
+  if (o.stiffness) p.coupling.stiffness = *o.stiffness;
+  if (o.damping) p.coupling.damping = *o.damping;
+  if (o.rotation_rate) p.handpiece.rotation_rate = *o.rotation_rate;
+  if (o.stall_torque) p.handpiece.stall_torque = *o.stall_torque;
+  if (o.time_step) p.time_step = *o.time_step;
+  validate(p);
+  return p;
+}
+
+nlohmann::ordered_json report_json(const ReplayResult& r, const Trace& trace, const Options& o) {
+  nlohmann::ordered_json j;
+  j["schema"] = "toothprep-replay";
+  j["steps"] = r.rows.size() - 1;
+  j["seconds_simulated"] = r.seconds_simulated;
+  j["realtime_factor"] = r.seconds_simulated / r.seconds_computed;
+  j["step_us_p50"] = r.step_us_p50;
+  j["step_us_p99"] = r.step_us_p99;
+  j["step_us_max"] = r.step_us_max;
+  j["drive"] = trace.drive;
+  j["engine"] = trace.engine;
+  j["bur"] = trace.bur;
+  j["peak_force_n"] = r.totals.peak_device_force;
+  j["largest_lag_mm"] = r.totals.largest_lag;
+  j["stalled_steps"] = r.totals.stalled_steps;
+  j["stall_onsets"] = r.totals.stall_onsets;
+  j["contact_steps"] = r.totals.contact_steps;
+  j["shank_contact_steps"] = r.totals.shank_contact_steps;
+  double overlap = 0;
+  for (int k = 0; k < kTissueCount; ++k) {
+    j["removed_mm3"][std::string(kTissueNames[k])] = r.totals.removed[k];
+    overlap += r.totals.initial_overlap[k];
+  }
+  j["initial_overlap_mm3"] = overlap;
+  j["torque_work_mj"] = r.totals.torque_work;
+  j["removed_energy_mj"] = r.removed_energy;
+  j["energy_ratio"] = std::isfinite(r.energy_ratio) ? nlohmann::ordered_json(r.energy_ratio)
+                                                    : nlohmann::ordered_json(nullptr);
+  j["tooth_sha256"] = trace.tooth_sha256;
+  j["trajectory_sha256"] = sha256_of_file(o.trajectory);
+  return j;
+}
+
+std::string format(const char* pattern, auto... values) {
+  const int n = std::snprintf(nullptr, 0, pattern, values...);
+  std::string text(static_cast<std::size_t>(n) + 1, '\0');
+  std::snprintf(text.data(), text.size(), pattern, values...);
+  text.pop_back();
+  return text;
+}
+
+void run(const Options& o, const Common& common) {
+  OutputFile output(o.output, o.force);
+  std::unique_ptr<OutputFile> prepared;
+  if (!o.prepared.empty()) prepared = std::make_unique<OutputFile>(o.prepared, o.force);
+
+  const Parameters parameters = load_parameters(o);
+  const Bur bur = make_bur(o.bur, data_folder() + "/burs");
+  const Trajectory trajectory = load_trajectory(o.trajectory);
+  const std::vector<HandleSample> path =
+      resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
+  LayeredTooth tooth = read_tooth(o.tooth);
+
+  const double distance = distance_to_tooth(path, bounds_of_solid(tooth));
+  if (distance > kFarFromTooth) {
+    const std::string text =
+        o.trajectory +
+        format(": the path never comes within 5 mm of the tooth (nearest %.1f mm)", distance);
+    if (o.strict) throw Error(text + "; check the frames of both files");
+    warn(text);
+  }
+
+  Trace trace;
+  trace.parameters_toml = to_toml(parameters);
+  trace.tooth_sha256 = tooth_sha256(tooth);
+  trace.toothprep_version = kVersion;
+  trace.bur = o.bur;
+  trace.drive = o.drive;
+  trace.engine = parameters.engine == EngineKind::kLevelset ? "levelset" : "voxel";
+
+  Workpiece workpiece(tooth);
+  const bool terminal = !common.quiet && isatty(2);
+  const ReplayResult r = replay(
+      bur, workpiece, parameters, o.drive == "direct" ? Drive::kDirect : Drive::kCoupled, path,
+      terminal ? std::function<void(double)>([last = -1](double done) mutable {
+        if (static_cast<int>(done * 100) == last) return;
+        last = static_cast<int>(done * 100);
+        std::fprintf(stderr, "\rreplay %3d %%", last);
+      })
+               : std::function<void(double)>());
+  if (terminal) std::fprintf(stderr, "\r            \r");
+
+  trace.rows = r.rows;
+  trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
+  for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
+  write_trace(trace, output.temporary());
+  if (prepared) {
+    apply_remaining_solid(tooth, workpiece.solid());
+    write_tooth(tooth, prepared->temporary());
+    prepared->commit();
+  }
+  output.commit();
+
+  const SessionTotals& t = r.totals;
+  if (trace.drive == "direct" && t.stalled_steps > 0)
+    warn(
+        format("direct drive needed more than the stall torque in %ld steps: nothing was removed "
+               "there, force and torque are scaled to the limit",
+               t.stalled_steps));
+  if (t.shank_contact_steps > 0)
+    warn(format("the shank touched the tooth in %ld steps; it neither grinds nor removes",
+                t.shank_contact_steps));
+  if (trace.initial_overlap_mm3 > 0)
+    warn(format("%.3f mm^3 of tissue lay inside the bur at the first sample and were removed first",
+                trace.initial_overlap_mm3));
+  say(common,
+      format("%zu steps, %.1f s at %.0f times real time; step %.1f us median, %.1f us 99 %%",
+             r.rows.size() - 1, r.seconds_simulated, r.seconds_simulated / r.seconds_computed,
+             r.step_us_p50, r.step_us_p99));
+  say(common, format("removed: enamel %.3f, dentin %.3f, pulp %.3f, other %.3f mm^3", t.removed[0],
+                     t.removed[1], t.removed[2], t.removed[3]));
+  if (trace.drive == "coupled")
+    say(common,
+        format("peak force %.2f N; largest lag of the bur behind the handle %.2f mm; stalled "
+               "%ld steps in %ld stalls",
+               t.peak_device_force, t.largest_lag, t.stalled_steps, t.stall_onsets));
+  else
+    say(common, format("peak force %.2f N", t.peak_device_force));
+  say(common,
+      r.removed_energy > 0
+          ? format("energy audit: torque work %.3f mJ / removed energy %.3f mJ = %.4f",
+                   t.torque_work, r.removed_energy, r.energy_ratio)
+          : format("energy audit: nothing was removed; torque work %.3f mJ", t.torque_work));
+  if (o.json) std::cout << report_json(r, trace, o).dump(2) << '\n';
+}
+
+void print_library() {
+  for (const LibraryEntry& entry : list_library(data_folder() + "/burs"))
+    std::cout << format("%-16s %s [%s]\n", entry.name.c_str(), entry.description.c_str(),
+                        entry.source.c_str());
+}
+
+}  // namespace
+
+void add_replay(CLI::App& app, const Common& common) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand(
+      "replay", "Runs a trajectory through force, coupling, stall and removal; writes a trace");
+  // Required ones are checked in the callback, so that `replay --bur list` works alone.
+  sub->add_option("--tooth", o->tooth, "Layered tooth (.vdb), required");
+  sub->add_option("--trajectory", o->trajectory,
+                  "Handle's motion: script .toml, .csv, or .h5; required");
+  sub->add_option("--bur", o->bur,
+                  "cylinder:D1.2xL3.0, ball:D1.2, a name of the library, or a profile file; 'list' "
+                  "prints the library")
+      ->required();
+  sub->add_option("-o,--output", o->output, "Trace to write (.h5), required");
+  sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
+  sub->add_option("--drive", o->drive, "coupled: by the virtual spring; direct: imposed motion")
+      ->check(CLI::IsMember({"coupled", "direct"}))
+      ->capture_default_str();
+  sub->add_option("--engine", o->engine, "levelset or voxel (default: the parameters')")
+      ->check(CLI::IsMember({"levelset", "voxel"}));
+  sub->add_option("--params", o->params, "Parameter file (.toml)");
+  sub->add_option("--preset", o->preset, "paper (default) or physical, under the parameter file")
+      ->check(CLI::IsMember({"paper", "physical"}));
+  sub->add_option("--stiffness-n-per-mm", o->stiffness, "Coupling stiffness, over the file's");
+  sub->add_option("--damping-n-s-per-mm", o->damping, "Coupling damping, over the file's");
+  sub->add_option("--rotation-rate-rev-s", o->rotation_rate, "Rotation rate N, over the file's");
+  sub->add_option("--stall-torque-mnm", o->stall_torque,
+                  "Stall torque (inf: none), over the file's");
+  sub->add_option("--time-step-s", o->time_step, "Step, over the file's");
+  sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");
+  sub->add_flag("--strict", o->strict, "A path far from the tooth is an error");
+  sub->add_flag("--json", o->json, "Figures of the run as JSON on stdout");
+  sub->add_flag("--force", o->force, "Replace existing outputs");
+  sub->footer(
+      "Example: toothprep replay --tooth tooth.vdb --trajectory "
+      "data/trajectories/class1-molar.toml\n"
+      "         --bur cylinder:D1.2xL3.0 --prepared prepared.vdb -o trace.h5");
+  sub->callback([o, &common] {
+    if (o->bur == "list") return print_library();
+    if (o->tooth.empty()) throw CLI::RequiredError("--tooth");
+    if (o->trajectory.empty()) throw CLI::RequiredError("--trajectory");
+    if (o->output.empty()) throw CLI::RequiredError("--output");
+    run(*o, common);
+  });
+}
+
 }  // namespace toothprep::app

@@ -1,1 +1,192 @@
-// in progress
+#include "toothprep/grinding/removal.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace toothprep {
+namespace {
+
+constexpr std::size_t kMaxSubPoses = 1024;
+// A cut's bricks are spread over this many steps.
+constexpr std::size_t kSpread = 16;
+
+}  // namespace
+
+Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
+    : bur_(bur), workpiece_(workpiece), due_distance_(workpiece.voxel()), last_(pose) {
+  sub_poses_.reserve(kMaxSubPoses);
+}
+
+double Removal::displacement(const Pose& from, const Pose& to) const noexcept {
+  // The farthest that any point of the head moved: its tip, plus the turn times its longest arm.
+  const double turn = from.orientation.angularDistance(to.orientation);
+  return (to.position - from.position).norm() +
+         turn * std::hypot(bur_.head_length(), bur_.max_radius());
+}
+
+void Removal::plan(const Pose& pose) noexcept {
+  const LevelSet& solid = workpiece_.solid();
+  const double voxel = workpiece_.voxel();
+  const double way = displacement(last_, pose);
+  const auto count = static_cast<std::size_t>(
+      std::clamp(std::ceil(way / (voxel / 2)), 1.0, static_cast<double>(kMaxSubPoses)));
+  sub_poses_.clear();
+  Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
+  for (std::size_t i = 1; i <= count; ++i) {
+    const double t = static_cast<double>(i) / static_cast<double>(count);
+    const Quat q = i == count ? pose.orientation : last_.orientation.slerp(t, pose.orientation);
+    const Vec3 p =
+        i == count ? pose.position : Vec3(last_.position + t * (pose.position - last_.position));
+    SubPose s;
+    s.tip = workpiece_.lattice().to_index(p);
+    const Mat3 to_bur = q.toRotationMatrix().transpose() * voxel;
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) s.to_bur[3 * r + c] = static_cast<float>(to_bur(r, c));
+    sub_poses_.push_back(s);
+    // Box of the capsule around the head, grown by the band.
+    const Vec3 end = s.tip + q * Vec3(0, 0, bur_.head_length() / voxel);
+    const Vec3 grow = Vec3::Constant(bur_.max_radius() / voxel + kBandVoxels);
+    low = low.cwiseMin((s.tip.cwiseMin(end)) - grow);
+    high = high.cwiseMax((s.tip.cwiseMax(end)) + grow);
+  }
+  last_ = pose;
+  const Index3 grid_last = solid.first_brick() + solid.brick_counts() - Index3::Ones();
+  for (int a = 0; a < 3; ++a) {
+    const double limit = 1e8;  // a pose far outside must not overflow
+    const int lo = static_cast<int>(std::floor(std::clamp(low[a], -limit, limit) / kBrickEdge));
+    const int hi = static_cast<int>(std::floor(std::clamp(high[a], -limit, limit) / kBrickEdge));
+    box_first_[a] = std::max(lo, solid.first_brick()[a]);
+    box_counts_[a] = std::max(0, std::min(hi, grid_last[a]) - box_first_[a] + 1);
+  }
+  box_size_ = static_cast<std::size_t>(box_counts_.x()) * box_counts_.y() * box_counts_.z();
+  share_ = (box_size_ + kSpread - 1) / kSpread;
+  cursor_ = 0;
+}
+
+void Removal::carve_some(std::size_t bricks) noexcept {
+  const LevelSet& solid = workpiece_.solid();
+  const std::size_t end = std::min(box_size_, cursor_ + bricks);
+  for (; cursor_ < end; ++cursor_) {
+    const auto z = static_cast<int>(cursor_ % box_counts_.z());
+    const auto y = static_cast<int>(cursor_ / box_counts_.z() % box_counts_.y());
+    const auto x = static_cast<int>(cursor_ / box_counts_.z() / box_counts_.y());
+    const Index3 voxel = (box_first_ + Index3(x, y, z)) * kBrickEdge;
+    const auto b = static_cast<std::size_t>(solid.brick_index(voxel.x(), voxel.y(), voxel.z()));
+    if (solid.is_uniform(b) && solid.uniform_value(b) > 0) continue;  // nothing left
+    carve_brick(b);
+  }
+}
+
+void Removal::carve_brick(std::size_t brick) noexcept {
+  LevelSet& solid = workpiece_.solid();
+  const float band = workpiece_.band();
+  const float voxel = static_cast<float>(workpiece_.voxel());
+  const float half_diagonal = 0.5f * (kBrickEdge - 1) * 1.7320509f * voxel;
+  const Index3 first = solid.brick_origin(brick);
+
+  alignas(32) float next[kBrickVoxels];  // the largest -d_bur of the sub-poses
+  bool touched = false;
+  alignas(32) float r[kBrickVoxels], z[kBrickVoxels], d[kBrickVoxels];
+  for (const SubPose& s : sub_poses_) {
+    const Eigen::Vector3f offset = (first.cast<double>() - s.tip).cast<float>();
+    const float* m = s.to_bur;
+    const auto to_bur = [&](float x, float y, float w) {
+      return Eigen::Vector3f(m[0] * x + m[1] * y + m[2] * w, m[3] * x + m[4] * y + m[5] * w,
+                             m[6] * x + m[7] * y + m[8] * w);
+    };
+    constexpr float kHalf = 0.5f * (kBrickEdge - 1);
+    const Eigen::Vector3f centre =
+        to_bur(offset.x() + kHalf, offset.y() + kHalf, offset.z() + kHalf);
+    const double distance =
+        bur_.distance(std::hypot(centre.x(), centre.y()), static_cast<double>(centre.z()));
+    if (distance > half_diagonal + band) continue;
+    const Eigen::Vector3f start = to_bur(offset.x(), offset.y(), offset.z());
+    for (int i = 0; i < kBrickEdge; ++i)
+      for (int j = 0; j < kBrickEdge; ++j) {
+        const auto fi = static_cast<float>(i), fj = static_cast<float>(j);
+        const float rx = start.x() + m[0] * fi + m[1] * fj, ry = start.y() + m[3] * fi + m[4] * fj,
+                    rz = start.z() + m[6] * fi + m[7] * fj;
+        float* row_r = r + brick_offset(i, j, 0);
+        float* row_z = z + brick_offset(i, j, 0);
+        for (int k = 0; k < kBrickEdge; ++k) {
+          const auto fk = static_cast<float>(k);
+          const float bx = rx + m[2] * fk, by = ry + m[5] * fk;
+          row_r[k] = std::sqrt(bx * bx + by * by);
+          row_z[k] = rz + m[8] * fk;
+        }
+      }
+    bur_.distances(r, z, d, kBrickVoxels);
+    if (!touched) {
+      for (int v = 0; v < kBrickVoxels; ++v) next[v] = -d[v];
+      touched = true;
+    } else {
+      for (int v = 0; v < kBrickVoxels; ++v) next[v] = std::max(next[v], -d[v]);
+    }
+  }
+  if (!touched) return;
+
+  const float* phi = solid.brick(brick);
+  int changed = 0;
+  for (int v = 0; v < kBrickVoxels; ++v) changed += next[v] > phi[v];
+  if (changed == 0) return;
+
+  // Volume: (1/2 - phi/D) clamped to [0, 1] before less after, by label.
+  const std::uint8_t* labels = workpiece_.labels().brick(brick);
+  PerTissue<float> fraction{};
+  bool all_void = true;
+  const float per_voxel = 1 / voxel;
+  for (int v = 0; v < kBrickVoxels; ++v) {
+    const float now = std::min(std::max(phi[v], next[v]), band);
+    all_void = all_void && now >= band;
+    const float before = std::clamp(0.5f - phi[v] * per_voxel, 0.0f, 1.0f);
+    const float after = std::clamp(0.5f - now * per_voxel, 0.0f, 1.0f);
+    if (before > after && labels[v] != 0) fraction[labels[v] - 1] += before - after;
+    next[v] = now;
+  }
+  const double volume = std::pow(workpiece_.voxel(), 3);
+  for (int k = 0; k < kTissueCount; ++k) removed_[k] += volume * fraction[k];
+  if (all_void) {
+    solid.set_uniform(brick, band);
+    return;
+  }
+  float* target = solid.writable_brick(brick, false);
+  if (!target) return;  // cannot happen: the workpiece reserved a place for every solid brick
+  std::copy(next, next + kBrickVoxels, target);
+}
+
+PerTissue<double> Removal::clear(const Pose& pose) {
+  const PerTissue<double> before = removed_;
+  last_ = pose;
+  plan(pose);
+  carve_some(box_size_);
+  PerTissue<double> volume{};
+  for (int k = 0; k < kTissueCount; ++k) volume[k] = removed_[k] - before[k];
+  removed_ = before;
+  return volume;
+}
+
+void Removal::advance(const Pose& pose) noexcept {
+  if (paused_) {
+    finish(pose);
+    last_ = pose;
+    paused_ = false;
+  }
+  if (cursor_ >= box_size_ && displacement(last_, pose) >= due_distance_) plan(pose);
+  if (cursor_ < box_size_) carve_some(share_);
+}
+
+void Removal::pause(const Pose& pose) noexcept {
+  if (!paused_) pause_pose_ = pose;
+  paused_ = true;
+}
+
+void Removal::finish(const Pose& pose) noexcept {
+  const Pose& end = paused_ ? pause_pose_ : pose;
+  carve_some(box_size_);
+  if (displacement(last_, end) > 0) {
+    plan(end);
+    carve_some(box_size_);
+  }
+}
+
+}  // namespace toothprep

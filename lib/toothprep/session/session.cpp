@@ -1,1 +1,312 @@
-// in progress
+#include "toothprep/session/session.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "toothprep/core/errors.h"
+#include "toothprep/core/units.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kReachVoxels = 0.1;       // contact is looked for this far ahead of the skin
+constexpr double kShankElementSize = 0.3;  // mm
+constexpr int kMaxPasses = 8;              // fixed-point passes for the advancing set
+constexpr int kMaxSamples = 3;             // contact samples of one step, when the motion turns
+constexpr int kMaxRateIterations = 60;     // operating point of the droop model
+constexpr double kTinyRate = 1e-6;         // of N0: stands for N -> 0
+
+}  // namespace
+
+Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
+                 const HandleSample& first)
+    : bur_(bur),
+      workpiece_(workpiece),
+      parameters_(parameters),
+      drive_(drive),
+      contact_(bur, kElementSize, parameters.handpiece.clockwise, parameters.tissue),
+      shank_(bur.shank_elements(kShankElementSize)),
+      removal_(bur, workpiece, first.pose),
+      pose_(first.pose),
+      handle_(first) {
+  if (parameters.engine != EngineKind::kLevelset)
+    throw Error("engine.kind: the voxel engine is not available in this version; use \"levelset\"");
+  if (bur.max_radius() < workpiece.voxel())
+    throw Error("bur " + bur.name() + ": its diameter of " + std::to_string(2 * bur.max_radius()) +
+                " mm is less than two voxels of the tooth (" + std::to_string(workpiece.voxel()) +
+                " mm); voxelize the tooth finer");
+  if (!first.pose.position.allFinite() || !first.pose.orientation.coeffs().allFinite())
+    throw Error("the first handle pose is not finite");
+  totals_.initial_overlap = removal_.clear(first.pose);
+  record_.handle = first;
+  record_.bur = first.pose;
+}
+
+// The paper's section 5.2, one stage a line; the drives differ in who sets the velocity.
+StepRecord Session::step(const HandleSample& next) noexcept {
+  record_ = StepRecord{};
+  record_.handle = next;
+  turn_to(next.pose.orientation);
+  if (drive_ == Drive::kCoupled) {
+    step_coupled(next);
+  } else {
+    step_direct(next);
+  }
+  handle_ = next;
+
+  record_.bur = pose_;
+  record_.bur_velocity = velocity_;
+  record_.removed_volume = removal_.removed();
+  record_.shank_contact_area = shank_contact_area(shank_, workpiece_, pose_);
+  totals_.removed = removal_.removed();
+  totals_.stalled_steps += record_.stalled;
+  totals_.shank_contact_steps += record_.shank_contact_area > 0;
+  totals_.contact_steps +=
+      record_.stalled || record_.torque > 0 || record_.grinding_force.squaredNorm() > 0;
+  totals_.largest_lag = std::max(totals_.largest_lag, (next.pose.position - pose_.position).norm());
+  totals_.peak_device_force = std::max(totals_.peak_device_force, record_.device_force.norm());
+  return record_;
+}
+
+void Session::finish(StepRecord& last) noexcept {
+  removal_.finish(pose_);
+  totals_.removed = removal_.removed();
+  last.removed_volume = removal_.removed();
+}
+
+// The orientation is the handle's; after a stall that held it, it catches up at a limited rate.
+void Session::turn_to(const Quat& handle) noexcept {
+  turned_ = handle;
+  const double angle = pose_.orientation.angularDistance(handle);
+  const double most = kCatchUpRate * parameters_.time_step;
+  if (catching_up_ && angle > most) turned_ = pose_.orientation.slerp(most / angle, handle);
+  if (angle == 0) {
+    turn_rate_.setZero();
+    return;
+  }
+  Quat turn = pose_.orientation.conjugate() * turned_;
+  if (turn.w() < 0) turn.coeffs() = -turn.coeffs();
+  const double sine = turn.vec().norm();
+  turn_rate_ =
+      sine > 1e-12
+          ? Vec3(turn.vec() * (2 * std::atan2(sine, turn.w()) / sine / parameters_.time_step))
+          : Vec3(Vec3::Zero());
+}
+
+void Session::sample_contact(const Vec3& velocity, const Vec3& omega) noexcept {
+  contact_.sample(workpiece_, pose_, velocity, omega, kReachVoxels * workpiece_.voxel());
+}
+
+void Session::record_work(double torque, double rotation_rate) noexcept {
+  record_.torque = torque;
+  record_.rotation_rate = rotation_rate;
+  record_.power = 2 * units::kPi * rotation_rate * torque;
+  totals_.torque_work += record_.power * parameters_.time_step;
+}
+
+void Session::step_direct(const HandleSample& next) noexcept {
+  const Handpiece& handpiece = parameters_.handpiece;
+  const Pose before = pose_;
+  const Quat to_b = pose_.orientation.conjugate();
+  const Vec3 velocity = (next.pose.position - handle_.pose.position) / parameters_.time_step;
+  const Vec3 v = to_b * velocity;
+  const Vec3 omega = parameters_.rotation_feed ? turn_rate_ : Vec3(Vec3::Zero());
+  const bool motor_on = next.buttons & kPedalButton;
+  const bool moves = v.squaredNorm() > 0 || omega.squaredNorm() > 0;
+
+  // Contact and force at the imposed velocity.
+  GrindingResponse response;
+  if (motor_on && moves) {
+    sample_contact(v, omega);
+    response = contact_.response(v, omega);
+    record_.contact_area = contact_.advancing_area(v, omega);
+  }
+  const double unit_torque = response.b.dot(v) + response.t0;  // at 1 rev/s
+  const Vec3 unit_force = response.B * v + response.f0;
+
+  // Stall, or the operating point.
+  double rate = motor_on ? handpiece.rotation_rate : 0;
+  bool stalls = false;
+  if (unit_torque > 0) {
+    if (handpiece.model == HandpieceModel::kDroop && std::isfinite(handpiece.stall_torque)) {
+      // Imposed feed: power u Q = 2 pi T N is given, so T = (tau_s/2)(1 - sqrt(1 - uQ/P_max)).
+      const double p_max = units::kPi * handpiece.rotation_rate * handpiece.stall_torque / 2;
+      const double rest = 1 - 2 * units::kPi * unit_torque / p_max;
+      stalls = rest < 0;
+      rate *= (1 + std::sqrt(std::max(rest, 0.0))) / 2;
+      record_.torque_trial = unit_torque / rate;
+    } else {
+      record_.torque_trial = unit_torque / rate;
+      stalls = record_.torque_trial > handpiece.stall_torque;
+    }
+  }
+
+  // The bur follows the handle in any case; it removes only what it has the torque for.
+  pose_ = Pose{next.pose.position, turned_};
+  velocity_ = velocity;
+  if (stalls) {
+    // The contact's direction, scaled to the torque that the spindle has.
+    record_.stalled = true;
+    record_.torque = handpiece.stall_torque;
+    record_.grinding_force =
+        pose_.orientation * unit_force * (handpiece.stall_torque / unit_torque);
+    totals_.stall_onsets += !stalled_;
+  } else if (motor_on) {
+    record_work(unit_torque / rate, rate);
+    record_.grinding_force = before.orientation * unit_force / rate;
+  }
+  stalled_ = stalls;
+  record_.device_force = record_.grinding_force;
+  if (motor_on && !stalls) {
+    removal_.advance(pose_);
+  } else {
+    removal_.pause(before);
+  }
+}
+
+// Velocity, advancing set and torque that agree with one another at a given rotation rate: a few
+// passes of [force from the set -> implicit velocity -> set].
+Session::Trial Session::converge(const CouplingState& state, Vec3 guess, const Vec3& omega,
+                                 double rotation_rate) const noexcept {
+  Trial trial;
+  trial.rotation_rate = rotation_rate;
+  for (int pass = 0; pass < kMaxPasses; ++pass) {
+    const GrindingResponse response = contact_.response(guess, omega);
+    const bool same = pass > 0 && response.advancing == trial.response.advancing &&
+                      response.signature == trial.response.signature;
+    if (same) break;
+    trial.response = response;
+    guess = implicit_velocity(parameters_.coupling, parameters_.time_step, state,
+                              response.B / rotation_rate, response.f0 / rotation_rate);
+  }
+  trial.velocity = guess;
+  trial.torque = (trial.response.b.dot(guess) + trial.response.t0) / rotation_rate;
+  return trial;
+}
+
+Session::Trial Session::coupled_trial(const CouplingState& state, const Vec3& first_guess,
+                                      const Vec3& omega) noexcept {
+  const Handpiece& handpiece = parameters_.handpiece;
+  Vec3 guess = first_guess;
+  Trial trial;
+  for (int attempt = 0; attempt < kMaxSamples; ++attempt) {
+    sample_contact(guess, omega);
+    trial = converge(state, guess, omega, handpiece.rotation_rate);
+    if (contact_.covers(trial.velocity)) break;
+    guess = trial.velocity;
+  }
+  if (handpiece.model == HandpieceModel::kFixed || !std::isfinite(handpiece.stall_torque)) {
+    trial.stalls = trial.torque > handpiece.stall_torque;
+    return trial;
+  }
+
+  // Droop with an imposed force: N = N0 (1 - T(N)/tau_s), with v(N) from the step. The torque
+  // hardly depends on N, so the root is bracketed by (0, N0] and found by bisection unless even N
+  // -> 0 stalls.
+  if (trial.torque <= 0) return trial;
+  const double n0 = handpiece.rotation_rate;
+  const Trial slow = converge(state, trial.velocity, omega, kTinyRate * n0);
+  if (slow.torque > handpiece.stall_torque) {
+    trial = slow;
+    trial.stalls = true;
+    return trial;
+  }
+  double low = kTinyRate * n0, high = n0;
+  for (int i = 0; i < kMaxRateIterations && high - low > 1e-12 * n0; ++i) {
+    const double middle = (low + high) / 2;
+    trial = converge(state, trial.velocity, omega, middle);
+    (n0 * (1 - trial.torque / handpiece.stall_torque) > middle ? low : high) = middle;
+  }
+  return trial;
+}
+
+void Session::step_coupled(const HandleSample& next) noexcept {
+  const Coupling& coupling = parameters_.coupling;
+  const double h = parameters_.time_step;
+  const Quat to_b = pose_.orientation.conjugate();
+  const bool motor_on = next.buttons & kPedalButton;
+
+  // State in B, relative to the bur's tip. While stalled the trial goes on from the motion it was
+  // last judged on, so that the lost momentum m v (a thousandth of the force) can't make it
+  // flicker.
+  CouplingState state;
+  state.position = Vec3::Zero();
+  state.velocity = to_b * (stalled_ ? judged_velocity_ : velocity_);
+  state.handle_position = to_b * (next.pose.position - pose_.position);
+  state.handle_velocity = to_b * (next.pose.position - handle_.pose.position) / h;
+  Vec3 omega = parameters_.rotation_feed ? turn_rate_ : Vec3(Vec3::Zero());
+
+  // Where the motion will go: on as before, or along the spring when at rest.
+  Vec3 guess = state.velocity;
+  if (guess.norm() < 1e-9) guess = coupling_force(coupling, state);
+  const bool moves = guess.squaredNorm() > 0 || omega.squaredNorm() > 0;
+
+  bool holds = false;  // stalled, or resting on tissue with the motor off
+  Trial trial;
+  if (!motor_on) {
+    // T = 0: the bur moves freely unless an element in contact would advance.
+    trial.velocity = implicit_velocity(coupling, h, state, Mat3::Zero(), Vec3::Zero());
+    if (trial.velocity.squaredNorm() > 0 || omega.squaredNorm() > 0) {
+      sample_contact(trial.velocity, omega);
+      holds = contact_.any_advances(trial.velocity, omega);
+    }
+    stalled_ = false;
+  } else if (moves) {
+    trial = coupled_trial(state, guess, omega);
+    if (trial.stalls && catching_up_ && omega.squaredNorm() > 0) {
+      // Turning back to the handle is what it has no torque for: advance without turning.
+      omega.setZero();
+      turned_ = pose_.orientation;
+      trial = coupled_trial(state, guess, omega);
+    }
+    record_.torque_trial = trial.torque;
+    totals_.stall_onsets += trial.stalls && !stalled_;
+    judged_velocity_ = pose_.orientation * trial.velocity;
+    stalled_ = trial.stalls;
+    holds = trial.stalls;
+  } else {
+    trial.rotation_rate = parameters_.handpiece.rotation_rate;
+    stalled_ = false;
+  }
+
+  const Pose before = pose_;
+  if (holds) {
+    velocity_.setZero();
+    catching_up_ = true;
+  } else {
+    velocity_ = before.orientation * trial.velocity;
+    pose_.position += h * velocity_;
+    pose_.orientation = turned_;
+    catching_up_ = catching_up_ && pose_.orientation.angularDistance(next.pose.orientation) > 1e-12;
+  }
+
+  // Forces at the end of the step.
+  CouplingState end;
+  end.position = pose_.position;
+  end.velocity = velocity_;
+  end.handle_position = next.pose.position;
+  end.handle_velocity = (next.pose.position - handle_.pose.position) / h;
+  const Vec3 f_vc = coupling_force(coupling, end);
+  record_.device_force = -f_vc;
+  record_.stalled = stalled_;
+  if (holds) {
+    record_.grinding_force = -f_vc;
+    record_.torque = stalled_ ? parameters_.handpiece.stall_torque : 0;
+  } else if (motor_on) {
+    record_.grinding_force = before.orientation *
+                             (trial.response.B * trial.velocity + trial.response.f0) /
+                             trial.rotation_rate;
+    record_work(trial.torque, trial.rotation_rate);
+  }
+  if (motor_on && (moves || stalled_))
+    record_.contact_area = contact_.advancing_area(trial.velocity, omega);
+
+  if (!motor_on) {
+    removal_.pause(before);
+  } else if (!stalled_) {
+    removal_.advance(pose_);
+  }
+}
+
+}  // namespace toothprep

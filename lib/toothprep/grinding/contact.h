@@ -1,0 +1,102 @@
+// Contact and force of the level-set engine.
+//
+// The law (the paper's Eqs 6-9 and 14). Each surface element that advances into tissue k takes the
+// power u_k (v·n) ds. With the rim speed 2 pi N r this is a tangential force along n_t, and through
+// alpha_k = F_t / F_n a normal force against n_n; with ds = r dphi dl
+//
+//   dF   = u_k / (2 pi N) · (v·n) · (n_t - n_n / alpha_k) dphi dl          N
+//   dT_z = u_k / (2 pi N) · (v·n) · r dphi dl                             N·mm
+//
+// so that, summed over the advancing elements, F = B v + C omega and T = b·v + c·omega.
+//
+//   symbol      here                         unit        frame
+//   v           feed velocity of the tip     mm/s        B
+//   omega       rotation of the handle       rad/s       B    v(s) = v + omega x r(s)
+//   n_n, n_t    SurfaceElements n, t         1           B
+//   dphi dl     SurfaceElements weight       mm          (= ds / r)
+//   u, alpha    GrindingProperties           N/mm², 1
+//   N           rotation rate                rev/s       responses are for N = 1 rev/s: divide by N
+//   B           Response::B                  N·s/mm · rev/s
+//
+// An element is in contact where the remaining solid is met a small reach ahead of the skin, along
+// the element's own velocity: ahead of fresh tissue that is the same as along the normal, and in a
+// slot that is passed again it stays in the void instead of touching the walls. An element that the
+// surface crosses counts by the share of its extent that lies inside (plane through the sample, by
+// the field's gradient), and an element at the border of two tissues by the trilinear share of
+// their labels.
+//
+// Valid while the bur turns much faster than it feeds, so that the chip thickness doesn't depend on
+// phi.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "toothprep/bur/bur.h"
+#include "toothprep/core/parameters.h"
+#include "toothprep/grinding/workpiece.h"
+
+namespace toothprep {
+
+// The linear response of the contact to the feed, for the advancing set of one trial velocity, in
+// B, for N = 1 rev/s: F = (B v + f0) / N, T = (b·v + t0) / N, with f0 and t0 from the handle's
+// rotation.
+struct GrindingResponse {
+  Mat3 B = Mat3::Zero();
+  Vec3 f0 = Vec3::Zero();
+  Vec3 b = Vec3::Zero();
+  double t0 = 0;
+  // Which elements advance: equal signatures mean equal sets (count, and sum of their places).
+  std::int32_t advancing = 0;
+  std::int64_t signature = 0;
+};
+
+class ContactModel {
+ public:
+  // Elements of at most `element_size` mm; u and alpha per tissue (validated by the caller).
+  ContactModel(const Bur& bur, double element_size, bool clockwise,
+               const PerTissue<GrindingProperties>& tissue);
+
+  // Finds the elements in contact for a bur at `pose` that moves with trial velocity v (mm/s, B,
+  // not zero unless omega turns it) and turns with omega (rad/s, B). `reach` in mm. Elements that
+  // face away from the motion by more than kMarginAngle are left out; see covers(). Allocates
+  // nothing.
+  void sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v, const Vec3& omega,
+              double reach) noexcept;
+
+  // Whether every element that advances with v was considered by the last sample().
+  bool covers(const Vec3& v) const noexcept;
+
+  // Number of elements in contact after sample().
+  int contacts() const { return count_; }
+  // The response with the advancing set {v·n + omega·(r x n) > 0}.
+  GrindingResponse response(const Vec3& v, const Vec3& omega) const noexcept;
+  // Advancing contact area per tissue, mm².
+  PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;
+  // Whether any element in contact advances.
+  bool any_advances(const Vec3& v, const Vec3& omega) const noexcept;
+
+  std::size_t element_count() const { return elements_.size(); }
+
+ private:
+  SurfaceElements elements_;
+  std::vector<float> mx_, my_, mz_;  // r x n, mm
+  PerTissue<float> ct_{}, cn_{};     // u/(2 pi), u/(2 pi alpha)
+
+  // Working arrays of one sample, as long as the elements.
+  std::vector<float> lx_, ly_, lz_;  // index coordinates relative to the tip's voxel
+  std::vector<std::int32_t> candidates_;
+  Vec3 sampled_direction_ = Vec3::Zero();
+
+  // The elements in contact: normal, r x n, force per advance q = w (t ct - n cn), torque per
+  // advance p.
+  int count_ = 0;
+  std::vector<float> nx_, ny_, nz_, cmx_, cmy_, cmz_, qx_, qy_, qz_, p_;
+  PerTissue<std::vector<float>> area_;
+};
+
+// Area of the shank in contact with tissue, mm²: reported only.
+double shank_contact_area(const SurfaceElements& shank, const Workpiece& workpiece,
+                          const Pose& pose) noexcept;
+
+}  // namespace toothprep

@@ -1,0 +1,58 @@
+// CPU time of the haptic step, contact steps only: the paper's cylinder and ball in the enamel
+// block, coupled drive, handle at 0.5 mm/s, at 0.1, 0.05 and 0.025 mm. Prints the median and the
+// 99th percentile of single steps (steady_clock around each step; the counter's own cost of about
+// 25 ns is included) beside the mean of Google Benchmark.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <chrono>
+
+#include "experiment.h"
+
+namespace toothprep::testing {
+namespace {
+
+void coupled_step(benchmark::State& state, const Bur& bur) {
+  const double voxel = static_cast<double>(state.range(0)) / 1000;
+  const double z = -bur.head_length() / 2;
+  const LayeredTooth tooth = block(voxel, 8, Vec3(5, 8, 5));
+  std::vector<HandleSample> path = straight_path({Vec3(0, -1, z), Vec3(0, -6, z)}, 0.5);
+  std::vector<double> times;
+  std::size_t contacts = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    Workpiece workpiece(tooth);
+    Session session(bur, workpiece, preset_parameters("paper"), Drive::kCoupled, path.front());
+    state.ResumeTiming();
+    for (std::size_t i = 1; i < path.size(); ++i) {
+      const auto start = std::chrono::steady_clock::now();
+      const StepRecord row = session.step(path[i]);
+      const auto end = std::chrono::steady_clock::now();
+      if (row.torque > 0) {
+        times.push_back(std::chrono::duration<double, std::micro>(end - start).count());
+        ++contacts;
+      }
+    }
+  }
+  std::sort(times.begin(), times.end());
+  const auto at = [&](double q) {
+    return times[static_cast<std::size_t>(q * static_cast<double>(times.size() - 1))];
+  };
+  state.counters["p50_us"] = at(0.5);
+  state.counters["p99_us"] = at(0.99);
+  state.counters["p999_us"] = at(0.999);
+  state.counters["max_us"] = at(1);
+  state.counters["elements"] = static_cast<double>(bur.elements(kElementSize).size());
+  state.counters["s_per_step"] = benchmark::Counter(
+      static_cast<double>(path.size() - 1),
+      benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
+void Cylinder(benchmark::State& state) { coupled_step(state, paper_cylinder()); }
+void Ball(benchmark::State& state) { coupled_step(state, paper_ball()); }
+
+BENCHMARK(Cylinder)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(Ball)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace toothprep::testing
