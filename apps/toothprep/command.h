@@ -26,7 +26,8 @@ void add_mesh(CLI::App& app, const Common& common);
 void say(const Common& common, const std::string& line);
 void warn(const std::string& line);  // "warning: ..." on stderr, also when quiet
 
-// Folder of the shipped data (burs, trajectories): $TOOTHPREP_DATA, beside the sources, or installed.
+// Folder of the shipped data (burs, trajectories): $TOOTHPREP_DATA, beside the sources, or
+// installed.
 std::string data_folder();
 
 }  // namespace toothprep::app

@@ -1,5 +1,45 @@
+// toothprep export: a trace as a table that any program reads.
+#include <memory>
+
 #include "command.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/trace/trace.h"
 
 namespace toothprep::app {
-void add_export(CLI::App&, const Common&) {}
+namespace {
+
+struct Options {
+  std::string trace, output;
+  bool force = false;
+};
+
+void run(const Options& o, const Common& common) {
+  if (!o.output.ends_with(".csv"))
+    throw Error(o.output + ": only .csv is written; name the output so");
+  OutputFile output(o.output, o.force);
+  const Trace trace = read_trace(o.trace);
+  write_trace_csv(trace, output.temporary());
+  output.commit();
+  say(common, o.output + ": " + std::to_string(trace.rows.size()) + " rows");
+}
+
+}  // namespace
+
+void add_export(CLI::App& app, const Common& common) {
+  auto* sub = app.add_subcommand("export", "A trace as CSV");
+  const auto o = std::make_shared<Options>();
+  sub->add_option("trace", o->trace, "Trace file (.h5)")->required();
+  sub->add_option("-o,--output", o->output, "Table to write (.csv)")->required();
+  sub->add_flag("--force", o->force, "Replace an existing output");
+  sub->footer(
+      "One row per step, one column per component, the unit in the column's name: time_s,\n"
+      "handle_x_mm, bur_x_mm, bur_velocity_x_mm_s, force_grinding_x_N, force_device_x_N, "
+      "torque_mNm,\n"
+      "power_W, rotation_rate_rev_s, stalled, contact_enamel_mm2, removed_enamel_mm3 and so on.\n"
+      "Numbers read back as the very same doubles.\n"
+      "Example: toothprep export trace.h5 -o trace.csv");
+  sub->callback([o, &common] { run(*o, common); });
+}
+
 }  // namespace toothprep::app

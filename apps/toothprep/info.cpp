@@ -1,5 +1,246 @@
+// toothprep info: what a tooth, trace, trajectory, scan or mesh holds.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
 #include "command.h"
+#include "mesh_summary.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/hash.h"
+#include "toothprep/scan/image_file.h"
+#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/trace/trace.h"
 
 namespace toothprep::app {
-void add_info(CLI::App&, const Common&) {}
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  std::string file;
+  bool json = false;
+};
+
+Json list(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+Json bounds(const Vec3& min, const Vec3& max) { return {list(min), list(max)}; }
+Json by_tissue(const PerTissue<double>& values) {
+  Json result;
+  for (int k = 0; k < kTissueCount; ++k) result[std::string(kTissueNames[k])] = values[k];
+  return result;
+}
+
+void describe_tooth(const std::string& path, Json& info) {
+  const LayeredTooth tooth = read_tooth(path);
+  const PerTissue<double> volume = remaining_volumes_mm3(tooth);
+  double solid = 0;
+  for (const double v : volume) solid += v;
+  const Box box = bounds_of_solid(tooth);
+  info["kind"] = "tooth";
+  info["file_schema"] = "toothprep-tooth";
+  info["voxel_mm"] = tooth.lattice.voxel;
+  info["volume_mm3"] = by_tissue(volume);
+  info["solid_volume_mm3"] = solid;
+  info["bounds_mm"] = bounds(box.min, box.max);
+  info["memory_bytes"] = memory_bytes(tooth);
+  info["tooth_sha256"] = tooth_sha256(tooth);
+  info["provenance"] = Json::object();
+  for (const auto& [key, value] : tooth.provenance) info["provenance"][key] = value;
+}
+
+// Extent in time and space of a motion.
+void describe_motion(const std::vector<HandleSample>& samples, Json& info) {
+  Vec3 min = samples.front().pose.position, max = min;
+  double length = 0;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    min = min.cwiseMin(samples[i].pose.position);
+    max = max.cwiseMax(samples[i].pose.position);
+    if (i > 0) length += (samples[i].pose.position - samples[i - 1].pose.position).norm();
+  }
+  const double duration = samples.back().time - samples.front().time;
+  info["rows"] = samples.size();
+  info["start_s"] = samples.front().time;
+  info["duration_s"] = duration;
+  info["mean_rate_hz"] = duration > 0 ? static_cast<double>(samples.size() - 1) / duration : 0.0;
+  info["handle_path_mm"] = length;
+  info["bounds_mm"] = bounds(min, max);
+}
+
+void describe_trajectory(const Trajectory& trajectory, Json& info) {
+  info["kind"] = "trajectory";
+  describe_motion(trajectory.samples, info);
+  info["has_measured_force"] = !trajectory.measured_force.empty();
+}
+
+void describe_trace(const std::string& path, Json& info) {
+  const Trace trace = read_trace(path);
+  info["kind"] = "trace";
+  info["file_schema"] = "toothprep-trace";
+  std::vector<HandleSample> handle;
+  handle.reserve(trace.rows.size());
+  double grinding = 0, device = 0, torque = 0, lag = 0;
+  std::size_t stalled = 0;
+  PerTissue<double> contact{};
+  for (const StepRecord& row : trace.rows) {
+    handle.push_back(row.handle);
+    grinding = std::max(grinding, row.grinding_force.norm());
+    device = std::max(device, row.device_force.norm());
+    torque = std::max(torque, row.torque);
+    lag = std::max(lag, (row.bur.position - row.handle.pose.position).norm());
+    stalled += row.stalled;
+    for (int k = 0; k < kTissueCount; ++k) contact[k] = std::max(contact[k], row.contact_area[k]);
+  }
+  describe_motion(handle, info);
+  const PerTissue<double>& removed = trace.rows.back().removed_volume;
+  info["peak_force_n"] = grinding;
+  info["peak_device_force_n"] = device;
+  info["peak_torque_mnm"] = torque;
+  info["stalled_steps"] = stalled;
+  info["largest_lag_mm"] = lag;
+  info["tissues"] = Json::array();  // that were touched or removed
+  for (int k = 0; k < kTissueCount; ++k)
+    if (contact[k] > 0 || removed[k] > 0) info["tissues"].push_back(std::string(kTissueNames[k]));
+  info["removed_mm3"] = by_tissue(removed);
+  info["initial_overlap_mm3"] = trace.initial_overlap_mm3;
+  info["torque_work_mj"] = trace.audit.torque_work_mj;
+  info["removed_energy_mj"] = trace.audit.removed_energy_mj;
+  info["energy_ratio"] = trace.audit.energy_ratio;
+  info["has_measured_force"] = !trace.measured_force.empty();
+  info["bur"] = trace.bur;
+  info["drive"] = trace.drive;
+  info["engine"] = trace.engine;
+  info["tooth_sha256"] = trace.tooth_sha256;
+  info["toothprep_version"] = trace.toothprep_version;
+  info["parameters"] = trace.parameters_toml;
+}
+
+void describe_scan(const std::string& path, Json& info) {
+  const ImageVolume<float> scan = read_scan(path);
+  info["kind"] = "scan";
+  const auto [least, most] = std::minmax_element(scan.data.begin(), scan.data.end());
+  double sum = 0;
+  for (const float v : scan.data) sum += v;
+  info["size"] = {scan.size.x(), scan.size.y(), scan.size.z()};
+  info["spacing_mm"] = list(scan.spacing);
+  info["origin_mm"] = list(scan.origin);
+  info["direction"] = Json::array();  // row by row
+  for (int r = 0; r < 3; ++r) info["direction"].push_back(list(scan.direction.row(r)));
+  info["min"] = *least;
+  info["max"] = *most;
+  info["mean"] = sum / static_cast<double>(scan.data.size());
+}
+
+void describe_mesh(const std::string& path, const std::string& extension, Json& info) {
+  const MeshSummary mesh = MeshReader(path).read(extension);
+  info["kind"] = "mesh";
+  info["format"] = mesh.format;
+  info["vertices"] = mesh.vertices;
+  info["triangles"] = mesh.triangles;
+  info["bounds_mm"] = bounds(mesh.min, mesh.max);
+}
+
+std::string scalar(const Json& value) {
+  if (!value.is_number_float()) return value.is_string() ? value.get<std::string>() : value.dump();
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value.get<double>());
+  return text;
+}
+
+// The same keys as the JSON, a line each; a text of several lines below its key.
+void print(const Json& info) {
+  std::size_t width = 0;
+  for (const auto& [key, value] : info.items()) width = std::max(width, key.size());
+  for (const auto& [key, value] : info.items()) {
+    std::string line = key + std::string(width + 2 - key.size(), ' ');
+    if (value.is_object()) {
+      for (const auto& [name, part] : value.items())
+        line += (name == value.begin().key() ? "" : ", ") + name + " " + scalar(part);
+    } else if (value.is_array()) {
+      for (const Json& part : value)
+        if (part.is_array())
+          for (const Json& number : part)
+            line += (&number == &part.front() ? (&part == &value.front() ? "" : "  |  ") : " ") +
+                    scalar(number);
+        else
+          line += (&part == &value.front() ? "" : " ") + scalar(part);
+    } else {
+      const std::string text = scalar(value);
+      if (text.find('\n') != std::string::npos) line += '\n';
+      line += text;
+    }
+    while (!line.empty() && (line.back() == '\n' || line.back() == ' ')) line.pop_back();
+    std::cout << line << '\n';
+  }
+}
+
+void run(const Options& o) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!fs::exists(o.file, error))
+    throw InputError(o.file, "", "does not exist", "check the file's name");
+  const bool folder = fs::is_directory(o.file, error);
+  std::string extension = fs::path(o.file).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  Json info;
+  info["schema"] = "toothprep-info";
+  info["schema_version"] = 1;
+  info["file"] = o.file;
+  info["file_sha256"] = folder ? sha256_of_scan(o.file) : sha256_of_file(o.file);
+  if (folder)
+    describe_scan(o.file, info);
+  else if (extension == ".vdb")
+    describe_tooth(o.file, info);
+  else if (extension == ".h5" || extension == ".hdf5")
+    is_trace_file(o.file) ? describe_trace(o.file, info)
+                          : describe_trajectory(read_h5_trajectory(o.file), info);
+  else if (extension == ".csv")
+    describe_trajectory(read_csv_trajectory(o.file), info);
+  else if (extension == ".toml")
+    describe_trajectory(read_script(o.file), info);
+  else if (extension == ".ply" || extension == ".stl" || extension == ".obj")
+    describe_mesh(o.file, extension, info);
+  else
+    describe_scan(o.file, info);
+  if (o.json)
+    std::cout << info.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
+  else
+    print(info);
+  if (!std::cout.flush()) throw Error("stdout cannot be written");
+}
+
+}  // namespace
+
+void add_info(CLI::App& app, const Common&) {
+  auto* sub = app.add_subcommand("info", "What a tooth, trace, trajectory, scan or mesh holds");
+  const auto o = std::make_shared<Options>();
+  sub->add_option(
+         "file", o->file,
+         "Tooth (.vdb), trace or trajectory (.h5, .csv, .toml), mesh (.ply, .stl, .obj), or a "
+         "scan (.nrrd, .nii, .mha, ..., or a folder of DICOM)")
+      ->required();
+  sub->add_flag("--json", o->json, "As one JSON object on stdout");
+  sub->footer(
+      "Keys carry their unit. Always: schema, schema_version, file, file_sha256, kind. Besides:\n"
+      "  tooth       voxel_mm, volume_mm3 (what remains, by tissue), solid_volume_mm3, bounds_mm\n"
+      "              ([min, max]), memory_bytes, tooth_sha256, provenance\n"
+      "  trajectory  rows, start_s, duration_s, mean_rate_hz, handle_path_mm, bounds_mm,\n"
+      "              has_measured_force\n"
+      "  trace       as a trajectory, and peak_force_n (grinding), peak_device_force_n,\n"
+      "              peak_torque_mnm, stalled_steps, largest_lag_mm, tissues (touched), "
+      "removed_mm3 (by\n"
+      "              tissue), initial_overlap_mm3, torque_work_mj, removed_energy_mj, energy_ratio "
+      "(null\n"
+      "              if nothing was removed), bur, drive, engine, tooth_sha256, parameters (TOML)\n"
+      "  scan        size (voxels), spacing_mm, origin_mm, direction (rows; LPS), min, max, mean\n"
+      "  mesh        format, vertices, triangles, bounds_mm\n"
+      "Example: toothprep info molar.vdb --json");
+  sub->callback([o] { run(*o); });
+}
+
 }  // namespace toothprep::app

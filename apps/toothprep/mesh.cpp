@@ -1,5 +1,61 @@
+// toothprep mesh: the surface of a tooth file as a triangle mesh.
+#include <cstdio>
+#include <map>
+#include <memory>
+
 #include "command.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/mesh/surface.h"
+#include "toothprep/toothfile/tooth_file.h"
 
 namespace toothprep::app {
-void add_mesh(CLI::App&, const Common&) {}
+namespace {
+
+struct Options {
+  std::string tooth, output;
+  std::string tissue = "all";
+  bool force = false;
+};
+
+const std::map<std::string, SurfaceOf> kSurfaces = {{"all", SurfaceOf::kAll},
+                                                    {"enamel", SurfaceOf::kEnamel},
+                                                    {"dentin", SurfaceOf::kDentin},
+                                                    {"pulp", SurfaceOf::kPulp}};
+
+void run(const Options& o, const Common& common) {
+  check_mesh_name(o.output);
+  OutputFile output(o.output, o.force);
+  const TriangleMesh mesh = extract_surface(read_tooth(o.tooth), kSurfaces.at(o.tissue));
+  if (mesh.triangles.empty())
+    throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",
+                     "nothing remains, so there is no surface",
+                     o.tissue == "all" ? "" : "choose another --tissue");
+  write_mesh(mesh, output.temporary());
+  output.commit();
+  char volume[32];
+  std::snprintf(volume, sizeof volume, "%.4g", mesh_volume_mm3(mesh));
+  say(common, o.output + ": " + std::to_string(mesh.triangles.size()) + " triangles around " +
+                  volume + " mm^3" + (o.tissue == "all" ? "" : " of " + o.tissue));
+}
+
+}  // namespace
+
+void add_mesh(CLI::App& app, const Common& common) {
+  auto* sub = app.add_subcommand("mesh", "Surface of a tooth as PLY, STL or OBJ");
+  const auto o = std::make_shared<Options>();
+  sub->add_option("tooth", o->tooth, "Tooth file (.vdb)")->required();
+  sub->add_option("-o,--output", o->output,
+                  "Mesh to write: .ply (with the tissue of each vertex), .stl or .obj; in mm")
+      ->required();
+  sub->add_option("--tissue", o->tissue, "Surface of all that remains, or of one tissue")
+      ->check(CLI::IsMember({"all", "enamel", "dentin", "pulp"}))
+      ->capture_default_str();
+  sub->add_flag("--force", o->force, "Replace an existing output");
+  sub->footer(
+      "The surface is closed, oriented outward and free of self-intersections.\n"
+      "Example: toothprep mesh prepared.vdb -o prepared.ply");
+  sub->callback([o, &common] { run(*o, common); });
+}
+
 }  // namespace toothprep::app

@@ -142,7 +142,7 @@ void run(const Options& o, const Common& common) {
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
   write_trace(trace, output.temporary());
   if (prepared) {
-    apply_remaining_solid(tooth, workpiece.solid());
+    apply_remaining_solid(tooth, workpiece.remaining_solid());
     write_tooth(tooth, prepared->temporary());
     prepared->commit();
   }

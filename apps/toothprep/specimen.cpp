@@ -1,5 +1,198 @@
+// toothprep specimen: teeth and scans that are known exactly.
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <sstream>
+
 #include "command.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/scan/image_file.h"
+#include "toothprep/specimen/block.h"
+#include "toothprep/specimen/molar.h"
+#include "toothprep/specimen/synthetic_scan.h"
+#include "toothprep/toothfile/tooth_file.h"
 
 namespace toothprep::app {
-void add_specimen(CLI::App&, const Common&) {}
+namespace {
+
+struct ToothOptions {
+  std::string output;
+  bool force = false;
+  std::vector<double> size = {8};
+  BlockOptions block;
+  MolarOptions molar;
+};
+
+struct ScanOptions {
+  std::string output, labels;
+  bool force = false;
+  std::vector<double> spacing = {0.15};
+  SyntheticScanOptions scan;
+};
+
+// One value for all three axes, or one each.
+Vec3 three(const std::vector<double>& values, const char* option) {
+  if (values.size() == 1) return Vec3::Constant(values[0]);
+  if (values.size() == 3) return Vec3(values[0], values[1], values[2]);
+  throw CLI::ValidationError(option, "needs one value or three, as X,Y,Z");
+}
+
+std::string volumes(const LayeredTooth& tooth) {
+  const auto volume = remaining_volumes_mm3(tooth);
+  std::ostringstream text;
+  for (int k = 0; k < kTissueCount; ++k)
+    if (volume[k] > 0)
+      text << (text.tellp() > 0 ? ", " : "") << kTissueNames[k] << ' ' << volume[k] << " mm^3";
+  return text.str();
+}
+
+void write(const LayeredTooth& tooth, const ToothOptions& o, OutputFile& output,
+           const Common& common) {
+  write_tooth(tooth, output.temporary());
+  output.commit();
+  say(common, o.output + ": " + volumes(tooth));
+}
+
+void run_block(const ToothOptions& o, const Common& common) {
+  BlockOptions block = o.block;
+  block.size = three(o.size, "--size-mm");
+  OutputFile output(o.output, o.force);
+  LayeredTooth tooth = make_block(block);
+  tooth.provenance["source"] = "specimen block";
+  write(tooth, o, output, common);
+}
+
+void run_molar(const ToothOptions& o, const Common& common) {
+  OutputFile output(o.output, o.force);
+  write(make_molar(o.molar), o, output, common);
+}
+
+// A DICOM series goes into a folder; what has the extension of an image file is one, and another
+// extension is more likely a mistake than a folder's name.
+bool is_series(const std::string& path) {
+  namespace fs = std::filesystem;
+  for (const char* extension : {".nrrd", ".nii", ".nii.gz", ".mha"})
+    if (path.ends_with(extension)) return false;
+  std::error_code error;
+  const std::string extension = fs::path(path).extension().string();
+  const bool odd = extension.size() > 1 && std::all_of(extension.begin() + 1, extension.end(),
+                                                       [](unsigned char c) { return isalpha(c); });
+  if (odd && !fs::is_directory(path, error))
+    throw InputError(path, "", "'" + extension + "' is no image format that is written here",
+                     "use .nrrd, .nii, .nii.gz, .mha, or the name of a folder for a DICOM series");
+  return true;
+}
+
+// Replacing a folder deletes what is in it: only slices of an earlier scan may go.
+void check_replaceable(const std::string& folder) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return;
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (!entry.is_regular_file() || entry.path().extension() != ".dcm")
+      throw InputError(folder, entry.path().filename().string(),
+                       "is no DICOM slice, so this folder is not replaced",
+                       "name a new folder or move its content away");
+}
+
+void run_scan(const ScanOptions& o, const Common& common) {
+  SyntheticScanOptions options = o.scan;
+  options.spacing = three(o.spacing, "--spacing-mm");
+  const bool series = is_series(o.output);
+  if (series) check_replaceable(o.output);
+  if (!o.labels.empty() && is_series(o.labels))
+    throw InputError(o.labels, "", "the labels are one file", "use .nrrd, .nii, .nii.gz or .mha");
+  OutputFile output(o.output, o.force, series);
+  std::optional<OutputFile> labels;
+  if (!o.labels.empty()) {
+    if (std::filesystem::path(o.labels).lexically_normal() ==
+        std::filesystem::path(o.output).lexically_normal())
+      throw InputError(o.labels, "", "is both the scan and its labels", "name two files");
+    labels.emplace(o.labels, o.force);
+  }
+  const SyntheticScan scan = make_molar_scan(options);
+  if (series)
+    write_dicom_series(scan.image, output.temporary());
+  else
+    write_image(scan.image, output.temporary());
+  if (labels) write_image(scan.labels, labels->temporary());
+  output.commit();
+  if (labels) labels->commit();
+  const Index3& n = scan.image.size;
+  say(common, o.output + ": " + std::to_string(n.x()) + " x " + std::to_string(n.y()) + " x " +
+                  std::to_string(n.z()) + " voxels" +
+                  (labels ? ", ground truth in " + o.labels : std::string()));
+}
+
+void add_output(CLI::App* sub, std::string& output, bool& force, const std::string& what) {
+  sub->add_option("-o,--output", output, what)->required();
+  sub->add_flag("--force", force, "Replace an existing output");
+}
+
+void add_block(CLI::App& specimen, const Common& common) {
+  auto* sub = specimen.add_subcommand("block", "A block of enamel on dentin");
+  const auto o = std::make_shared<ToothOptions>();
+  add_output(sub, o->output, o->force, "Tooth file to write (.vdb)");
+  sub->add_option("--size-mm", o->size, "Edge length, or X,Y,Z; mm")
+      ->delimiter(',')
+      ->expected(1, 3)
+      ->default_str("8");
+  sub->add_option("--enamel-mm", o->block.enamel,
+                  "Enamel below the top face, 0 to the block's height; mm")
+      ->capture_default_str();
+  sub->add_option("--voxel-mm", o->block.voxel, "Voxel size, mm")->capture_default_str();
+  sub->footer(
+      "The top face lies at y = 0, the block below it, centred in x and z.\n"
+      "Example: toothprep specimen block -o block.vdb --size-mm 8 --enamel-mm 2");
+  sub->callback([o, &common] { run_block(*o, common); });
+}
+
+void add_molar(CLI::App& specimen, const Common& common) {
+  auto* sub = specimen.add_subcommand("molar", "An anatomical lower first molar");
+  const auto o = std::make_shared<ToothOptions>();
+  add_output(sub, o->output, o->force, "Tooth file to write (.vdb)");
+  sub->add_option("--voxel-mm", o->molar.voxel, "Voxel size, 0.02 to 0.5 mm")
+      ->capture_default_str();
+  sub->footer(
+      "It stands as in a scanner: crown up (+z), buccal +x, mesial -y, all coordinates positive.\n"
+      "Example: toothprep specimen molar -o molar.vdb --voxel-mm 0.1");
+  sub->callback([o, &common] { run_molar(*o, common); });
+}
+
+void add_scan(CLI::App& specimen, const Common& common) {
+  auto* sub = specimen.add_subcommand("scan", "A synthetic CT of the molar, with its ground truth");
+  const auto o = std::make_shared<ScanOptions>();
+  add_output(sub, o->output, o->force,
+             "Scan to write: .nrrd, .nii, .nii.gz, .mha, or a folder for a DICOM series");
+  sub->add_option("--labels", o->labels,
+                  "Ground truth to write: 0 air, 1 enamel, 2 dentin, 3 pulp at voxel centres");
+  sub->add_option("--spacing-mm", o->spacing, "Voxel size, or X,Y,Z; mm")
+      ->delimiter(',')
+      ->expected(1, 3)
+      ->default_str("0.15");
+  sub->add_option("--blur-voxels", o->scan.blur_fwhm_voxels,
+                  "Full width at half maximum of the point spread function, voxels")
+      ->capture_default_str();
+  sub->add_option("--noise", o->scan.noise, "Standard deviation of the noise, grey values")
+      ->capture_default_str();
+  sub->add_option("--seed", o->scan.seed, "Seed of the noise")->capture_default_str();
+  sub->footer(
+      "Grey values: air -1000, pulp 300, dentin 1600, enamel 2500, clipped to -1024 .. 3071.\n"
+      "Example: toothprep specimen scan -o scan.nrrd --labels labels.nrrd --noise 60");
+  sub->callback([o, &common] { run_scan(*o, common); });
+}
+
+}  // namespace
+
+void add_specimen(CLI::App& app, const Common& common) {
+  auto* sub = app.add_subcommand("specimen", "Teeth and scans that are known exactly");
+  sub->require_subcommand(1);
+  add_block(*sub, common);
+  add_molar(*sub, common);
+  add_scan(*sub, common);
+  sub->footer("Example: toothprep specimen molar -o molar.vdb");
+}
+
 }  // namespace toothprep::app

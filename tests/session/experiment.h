@@ -63,16 +63,17 @@ struct Outcome {
   double energy_ratio(const Parameters& p) const { return totals.torque_work / removed_energy(p); }
 };
 
-inline Outcome run(const LayeredTooth& tooth, const Bur& bur, const Parameters& parameters, Drive drive,
-               const std::vector<HandleSample>& path) {
+inline Outcome run(const LayeredTooth& tooth, const Bur& bur, const Parameters& parameters,
+                   Drive drive, const std::vector<HandleSample>& path,
+                   double element_size = kElementSize) {
   Workpiece workpiece(tooth);
-  Session session(bur, workpiece, parameters, drive, path.front());
+  Session session(bur, workpiece, parameters, drive, path.front(), element_size);
   Outcome r;
   r.rows.push_back(session.initial());
   for (std::size_t i = 1; i < path.size(); ++i) r.rows.push_back(session.step(path[i]));
   session.finish(r.rows.back());
   r.totals = session.totals();
-  r.solid = workpiece.solid();
+  r.solid = workpiece.remaining_solid();
   return r;
 }
 

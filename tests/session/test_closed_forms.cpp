@@ -44,7 +44,7 @@ Parameters parameters_of(const Case& c) {
 Plateau side_feed(const Bur& bur, double tip_z, const Case& c, double voxel) {
   const LayeredTooth tooth = block(voxel, 6, Vec3(4, 6, 6), c.frame);
   const Outcome r = run(tooth, bur, parameters_of(c), Drive::kDirect,
-                    straight_path({Vec3(0, -2, tip_z), Vec3(0, -3, tip_z)}, c.speed, c.frame));
+                        straight_path({Vec3(0, -2, tip_z), Vec3(0, -3, tip_z)}, c.speed, c.frame));
   return plateau(r.rows, 0.8, c.frame);
 }
 
@@ -92,7 +92,7 @@ TEST(ClosedForms, FlatEndInPlungeWithin1Percent) {
   for (const Case& c : cases()) {
     const LayeredTooth tooth = block(0.1, 4, Vec3(4, 4, 6), c.frame);
     const Outcome r = run(tooth, paper_cylinder(), parameters_of(c), Drive::kDirect,
-                      straight_path({Vec3(0, -2, 1), Vec3(0, -2, 0)}, c.speed, c.frame));
+                          straight_path({Vec3(0, -2, 1), Vec3(0, -2, 0)}, c.speed, c.frame));
     const Plateau p = plateau(r.rows, 0.8, c.frame);
     const double axial = c.u * c.speed * R / (c.alpha * c.rate);
     const double torque = c.u * c.speed * R * R / (2 * c.rate);
@@ -113,7 +113,7 @@ TEST(ClosedForms, PapersValuesAtHalfAMillimetrePerSecond) {
     const double share = enamel > 0 ? 1 : 1.0 / 3;
     const LayeredTooth tooth = block(0.1, enamel, Vec3(4, 6, 6));
     const Outcome r = run(tooth, paper_cylinder(), paper_without_stall(), Drive::kDirect,
-                      straight_path({Vec3(0, -2, -1.5), Vec3(0, -3, -1.5)}, 0.5));
+                          straight_path({Vec3(0, -2, -1.5), Vec3(0, -3, -1.5)}, 0.5));
     const Plateau p = plateau(r.rows, 0.8);
     EXPECT_NEAR(p.force.y(), share * 4.5, share * 0.045);
     EXPECT_NEAR(p.force.x(), share * 1.125, share * 0.01125);
@@ -125,7 +125,7 @@ TEST(ClosedForms, CounterClockwiseBurMirrorsTheForceAcrossTheFeed) {
   Parameters p = paper_without_stall();
   p.handpiece.clockwise = false;
   const Outcome r = run(block(0.1, 6, Vec3(4, 6, 6)), paper_cylinder(), p, Drive::kDirect,
-                    straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.5, -1.5)}, 0.5));
+                        straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.5, -1.5)}, 0.5));
   EXPECT_NEAR(plateau(r.rows, 0.8).force.x(), -1.125, 0.02);
 }
 

@@ -7,42 +7,87 @@
 namespace toothprep::testing {
 namespace {
 
-// Mean over placements of |feed force / closed form - 1| and of the RMS about the mean, ball in
-// side feed. The block is turned so that nothing lines up with the grid.
-struct Errors {
-  double bias = 0, ripple = 0;
+// The whole path of the cylinder fed along -y into a layered block, exact: the element at angle phi
+// from the feed lies R cos(phi) ahead of the axis and is in tissue k while y - R cos(phi) is;
+// everything it meets is fresh. The side's width is not limited, so that for depth y of the axis
+//
+//   F_feed(y) = sum_k u_k v L/(2 pi N alpha) int_{phi in k} cos² phi dphi,
+//
+// elementary integrals between the angles where the layer's faces cut the front.
+double exact_feed_force(double y, double v, double L, double enamel, double height) {
+  const double R = 0.6, N = 100, alpha = 0.25;
+  // Tissue between y_top and y_bottom covers cos(phi) in ((y - y_top)/R, (y - y_bottom)/R).
+  const auto integral_above = [&](double c) {  // int cos² over cos(phi) > c, phi in (-pi/2, pi/2)
+    const double a = std::acos(std::clamp(c, 0.0, 1.0));
+    return a + std::sin(2 * a) / 2;
+  };
+  const auto layer = [&](double top, double bottom) {
+    return integral_above((y - top) / R) - integral_above((y - bottom) / R);
+  };
+  const double sum = 300 * layer(0, -enamel) + 100 * layer(-enamel, -height);
+  return sum * v * L / (2 * units::kPi * N * alpha);
+}
+
+struct PathError {
+  double rms = 0, worst = 0;  // of the enamel plateau
 };
-Errors ball_errors(double voxel) {
+PathError path_error(double voxel, double element_size, const Pose& frame) {
+  const double v = 1.0, L = 3, enamel = 1.53, height = 4;
+  const Outcome r =
+      run(block(voxel, enamel, Vec3(4, height, 5), frame), paper_cylinder(), paper_without_stall(),
+          Drive::kDirect, straight_path({Vec3(0, 0.8, -1.5), Vec3(0, -3, -1.5)}, v, frame),
+          element_size);
+  const double level = 300 * v * L / (4 * 0.25 * 100);
+  PathError e;
+  for (const StepRecord& row : r.rows) {
+    // A row holds the force of the step that ended there.
+    const double y = frame.to_local(row.bur.position).y() + v * 1e-3;
+    const double got = (frame.orientation.conjugate() * row.grinding_force).y();
+    const double error = row.handle.time > 0 ? got - exact_feed_force(y, v, L, enamel, height) : 0;
+    e.rms += error * error / static_cast<double>(r.rows.size());
+    e.worst = std::max(e.worst, std::abs(error) / level);
+  }
+  e.rms = std::sqrt(e.rms) / level;
+  return e;
+}
+
+TEST(Convergence, WholePathErrorIsBelow1PercentAndFallsWhenVoxelAndElementHalve) {
+  // Entry, enamel, crossing, dentin; along the grid and turned to it.
+  for (const Pose& frame :
+       {Pose{}, Pose{Vec3(0.3, 0.1, -0.2),
+                     Quat(Eigen::AngleAxisd(0.6, Vec3(0.3, 1, -0.5).normalized()))}}) {
+    const PathError coarse = path_error(0.2, 0.2, frame), middle = path_error(0.1, 0.1, frame),
+                    fine = path_error(0.05, 0.05, frame);
+    for (const auto& [size, e] :
+         {std::pair(0.2, coarse), std::pair(0.1, middle), std::pair(0.05, fine)})
+      std::printf("whole path at %.2f mm voxels and elements: RMS %.3f %%, worst %.2f %%\n", size,
+                  100 * e.rms, 100 * e.worst);
+    EXPECT_LT(middle.rms, 0.01);
+    EXPECT_LT(middle.rms, coarse.rms);
+    EXPECT_LT(fine.rms, middle.rms);
+  }
+}
+
+TEST(Convergence, VoxelEffectOnThePlateauStaysBelow1PercentAtEveryVoxelSize) {
   const double R = 0.6, exact = units::kPi * 300 * 0.5 * R / (8 * 0.25 * 100);
-  Errors e;
-  const int n = 4;
-  for (int i = 0; i < n; ++i) {
-    Pose frame{Vec3(0.013 * i, 0.029 * i, -0.017 * i),
-               Quat(Eigen::AngleAxisd(0.37 * i + 0.2, Vec3(1, 0.5 * i, -0.3).normalized()))};
+  for (const double voxel : {0.2, 0.1, 0.05}) {
+    const Pose frame{Vec3(0.013, 0.029, -0.017),
+                     Quat(Eigen::AngleAxisd(0.57, Vec3(1, 0.5, -0.3).normalized()))};
     const Outcome r =
         run(block(voxel, 4, Vec3(3, 4, 3), frame), paper_ball(), paper_without_stall(),
             Drive::kDirect, straight_path({Vec3(0, -1.5, -0.6), Vec3(0, -2.1, -0.6)}, 0.5, frame));
     const Plateau p = plateau(r.rows, 0.8, frame);
-    e.bias += std::abs(p.force.y() / exact - 1) / n;
-    e.ripple += p.rms_force.y() / exact / n;
+    std::printf("ball at %.2f mm: mean %.4f of exact, voxel effect %.3f %%\n", voxel,
+                p.force.y() / exact, 100 * p.rms_force.y() / exact);
+    EXPECT_NEAR(p.force.y() / exact, 1, 0.01);
+    EXPECT_LT(p.rms_force.y() / exact, 0.01);
   }
-  std::printf("ball at %.3f mm: bias %.4f %%, ripple %.4f %%\n", voxel, 100 * e.bias,
-              100 * e.ripple);
-  return e;
-}
-
-TEST(Convergence, VoxelEffectFallsWithTheVoxelSize) {
-  const Errors coarse = ball_errors(0.2), middle = ball_errors(0.1), fine = ball_errors(0.05);
-  EXPECT_LT(middle.ripple, coarse.ripple);
-  EXPECT_LT(fine.ripple, middle.ripple);
-  EXPECT_LT(fine.bias, 0.005);
 }
 
 TEST(Convergence, ForceErrorFallsWithTheElementSize) {
-  // The bur alone, every element engaged: the sum over elements of w (d·n)² against its integral,
-  // pi L/2 for the cylinder's side. Second order: halving the size quarters the error.
+  // The bur alone, every element engaged: the sum over advancing elements of w (d·n) against its
+  // integral, 2 L for the cylinder's side. Second order: halving the size quarters the bound.
   const Bur bur = paper_cylinder();
-  double previous = 1;
   for (const double size : {0.4, 0.2, 0.1, 0.05}) {
     const SurfaceElements e = bur.elements(size);
     double worst = 0;
@@ -54,10 +99,10 @@ TEST(Convergence, ForceErrorFallsWithTheElementSize) {
       }
       worst = std::max(worst, std::abs(sum / (2 * 3.0) - 1));  // int cos = 2 over the half
     }
-    EXPECT_LT(worst, previous / 2.5);
-    previous = worst;
+    // The midpoint rule over arcs of dphi = size/R errs by dphi²/24, and by as much again where the
+    // half ends within an element.
+    EXPECT_LT(worst, std::pow(size / 0.6, 2) / 12) << size;
   }
-  EXPECT_LT(previous, 0.003);
 }
 
 TEST(Convergence, TurningEverythingChangesNothingBeyond1Percent) {

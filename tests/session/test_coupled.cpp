@@ -28,7 +28,7 @@ TEST(Coupled, RiseFollowsTheMatrixExponential) {
   Parameters p = paper_without_stall();
   const double v = 0.5;
   const Outcome r = run(block(0.1, 14, Vec3(6, 14, 6)), bur, p, Drive::kCoupled,
-                    straight_path({Vec3(0, -2, -1.5), Vec3(0, -12, -1.5)}, v));
+                        straight_path({Vec3(0, -2, -1.5), Vec3(0, -12, -1.5)}, v));
   const Eigen::Matrix2d B = cylinder_resistance();
   // The handle goes along -y; the bur's path bends, but the surface keeps facing the block.
   const Eigen::Vector2d feed(0, -v);
@@ -83,7 +83,7 @@ TEST(Coupled, NoStepSizeMakesItDiverge) {
     Parameters p = paper_without_stall();
     p.time_step = h;
     const Outcome r = run(tooth, bur, p, Drive::kCoupled,
-                      straight_path({Vec3(0, -1, -1.5), Vec3(0, -3, -1.5)}, 0.5, {}, h));
+                          straight_path({Vec3(0, -1, -1.5), Vec3(0, -3, -1.5)}, 0.5, {}, h));
     double peak = 0;
     for (const StepRecord& row : r.rows) peak = std::max(peak, row.grinding_force.norm());
     EXPECT_LT(peak, 4.64 * 1.01) << "h = " << h;  // the plateau sqrt(4.5² + 1.125²) bounds the rise
@@ -94,8 +94,9 @@ TEST(Coupled, NoStepSizeMakesItDiverge) {
 
 TEST(Coupled, FollowsTheHandleInTheAirAndReportsNoForce) {
   const Outcome r = run(block(0.1, 2, Vec3(4, 4, 4)), paper_ball(), paper_without_stall(),
-                    Drive::kCoupled, straight_path({Vec3(0, 4, 0), Vec3(3, 4, 0)}, 5.0));
-  EXPECT_LT(r.totals.largest_lag, 0.01);  // the spring and 8 g settle within a few steps
+                        Drive::kCoupled, straight_path({Vec3(0, 4, 0), Vec3(3, 4, 0)}, 5.0));
+  // The spring and 8 g settle within a few steps of 0.005 mm each.
+  EXPECT_LT(r.totals.largest_lag, 0.02);
   EXPECT_EQ(r.rows.back().grinding_force.norm(), 0);
   EXPECT_LT(r.rows.back().device_force.norm(), 1e-2);
   EXPECT_EQ(r.totals.removed[0] + r.totals.removed[1], 0);
@@ -123,7 +124,7 @@ TEST(Stall, StopsOnceHoldsWithoutChatterAndLetsGoWhenPulledBack) {
   const Parameters p = preset_parameters("paper");  // 1.2 mN·m
   const double until = 14.5, back = 4;
   const Outcome r = run(block(0.1, 14, Vec3(6, 14, 6)), paper_cylinder(), p, Drive::kCoupled,
-                    accelerate_then_pull_back(until, back, 1.0));
+                        accelerate_then_pull_back(until, back, 1.0));
   // Runs of stalled rows.
   std::vector<std::pair<std::size_t, std::size_t>> stalls;
   for (std::size_t i = 0; i < r.rows.size(); ++i) {
@@ -163,10 +164,11 @@ TEST(Stall, StopsOnceHoldsWithoutChatterAndLetsGoWhenPulledBack) {
 
 TEST(Stall, OrientationIsHeldAndCatchesUpAtMost90DegreesPerSecond) {
   const Parameters p = preset_parameters("paper");
-  std::vector<HandleSample> path = accelerate_then_pull_back(14.2, 6, 1.5);
+  std::vector<HandleSample> path = accelerate_then_pull_back(14.5, 6, 1.5);
   for (HandleSample& s : path)
-    if (s.time > 14.0) s.pose.orientation = Quat(Eigen::AngleAxisd(0.3, Vec3::UnitZ()));
+    if (s.time > 14.4) s.pose.orientation = Quat(Eigen::AngleAxisd(0.3, Vec3::UnitZ()));
   const Outcome r = run(block(0.1, 14, Vec3(6, 14, 6)), paper_cylinder(), p, Drive::kCoupled, path);
+  ASSERT_TRUE(r.rows[14400].stalled);
   double fastest = 0;
   for (std::size_t i = 1; i < r.rows.size(); ++i) {
     const double turn = r.rows[i].bur.orientation.angularDistance(r.rows[i - 1].bur.orientation);
@@ -183,7 +185,7 @@ TEST(Stall, DirectDriveScalesToTheStallTorqueAndRemovesNothing) {
   Parameters p = preset_parameters("paper");
   p.handpiece.stall_torque = 0.5;  // the cylinder in enamel at 0.5 mm/s needs 0.859
   const Outcome r = run(block(0.1, 6, Vec3(5, 6, 6)), paper_cylinder(), p, Drive::kDirect,
-                    straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.5, -1.5)}, 0.5));
+                        straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.5, -1.5)}, 0.5));
   EXPECT_EQ(r.totals.stalled_steps, static_cast<long>(r.rows.size()) - 1);
   EXPECT_EQ(r.totals.removed[0], 0);
   EXPECT_EQ(r.rows.back().torque, 0.5);
@@ -203,7 +205,7 @@ TEST(Droop, ImposedFeedFollowsTheClosedFormAndCollapsesAtHalfTheStallTorque) {
   const LayeredTooth tooth = block(0.1, 6, Vec3(5, 6, 6));
   for (const double v : {0.1, 0.25, 0.34}) {
     const Outcome r = run(tooth, paper_cylinder(), p, Drive::kDirect,
-                      straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.3, -1.5)}, v));
+                          straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.3, -1.5)}, v));
     const double rest = 1 - 300 * v * 1.2 * 3 / p_max;
     ASSERT_GT(rest, 0);
     const double torque = 2.5 / 2 * (1 - std::sqrt(rest));
@@ -211,7 +213,7 @@ TEST(Droop, ImposedFeedFollowsTheClosedFormAndCollapsesAtHalfTheStallTorque) {
     EXPECT_NEAR(r.rows.back().rotation_rate, 100 * (1 - r.rows.back().torque / 2.5), 1e-9);
   }
   const Outcome r = run(tooth, paper_cylinder(), p, Drive::kDirect,
-                    straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.1, -1.5)}, 0.38));
+                        straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.1, -1.5)}, 0.38));
   EXPECT_TRUE(r.rows.back().stalled);  // above P_max there is no operating point
 }
 
@@ -221,7 +223,7 @@ TEST(Droop, ImposedForceHasItsOperatingPointOnTheLine) {
   p.handpiece.rotation_rate = 100;
   p.handpiece.stall_torque = 1.2;
   const Outcome r = run(block(0.1, 8, Vec3(5, 8, 6)), paper_cylinder(), p, Drive::kCoupled,
-                    straight_path({Vec3(0, -2, -1.5), Vec3(0, -6, -1.5)}, 0.5));
+                        straight_path({Vec3(0, -2, -1.5), Vec3(0, -6, -1.5)}, 0.5));
   const StepRecord& row = r.rows[6000];
   ASSERT_FALSE(row.stalled);
   EXPECT_GT(row.torque, 0.2);
@@ -235,7 +237,7 @@ TEST(Pedal, MotorOffRestsOnTissueAndRemovesNothing) {
       straight_path({Vec3(0, 1.2, -1.5), Vec3(0, -1, -1.5), Vec3(0, 2, -1.5)}, 2.0);
   for (HandleSample& s : path) s.buttons = 0;
   const Outcome r = run(block(0.1, 3, Vec3(5, 6, 6)), paper_cylinder(), preset_parameters("paper"),
-                    Drive::kCoupled, path);
+                        Drive::kCoupled, path);
   EXPECT_EQ(r.totals.removed[0], 0);
   double deepest = 10, peak = 0;
   for (const StepRecord& row : r.rows) {

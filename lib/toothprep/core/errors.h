@@ -12,8 +12,8 @@ class Error : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Something in a file or an option is not acceptable. what() reads "FILE: PLACE: CONDITION; REMEDY",
-// where PLACE (a field, a dataset, a line) and REMEDY may be empty.
+// Something in a file or an option is not acceptable. what() reads "FILE: PLACE: CONDITION;
+// REMEDY", where PLACE (a field, a dataset, a line) and REMEDY may be empty.
 class InputError : public Error {
  public:
   InputError(const std::string& file, const std::string& place, const std::string& condition,

@@ -1,5 +1,6 @@
-// Vectors and poses. Frames: W world (the scan's physical frame, mm, LPS), B bur (origin at the tip on
-// the rotation axis, +z from tip to shank), H handle (the pose commanded by hand, for the bur's tip).
+// Vectors and poses. Frames: W world (the scan's physical frame, mm, LPS), B bur (origin at the tip
+// on the rotation axis, +z from tip to shank), H handle (the pose commanded by hand, for the bur's
+// tip).
 #pragma once
 
 #include <Eigen/Core>
@@ -12,7 +13,8 @@ using Mat3 = Eigen::Matrix3d;
 using Quat = Eigen::Quaterniond;
 using Index3 = Eigen::Vector3i;
 
-// A rigid placement: x_W = position + orientation * x_B. position in mm; orientation a unit quaternion.
+// A rigid placement: x_W = position + orientation * x_B. position in mm; orientation a unit
+// quaternion.
 struct Pose {
   Vec3 position = Vec3::Zero();
   Quat orientation = Quat::Identity();

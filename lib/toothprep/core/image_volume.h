@@ -11,11 +11,11 @@ namespace toothprep {
 
 template <class T>
 struct ImageVolume {
-  Index3 size = Index3::Zero();           // voxels
-  Vec3 spacing = Vec3::Ones();            // mm
-  Vec3 origin = Vec3::Zero();             // mm, W: the centre of voxel (0, 0, 0)
-  Mat3 direction = Mat3::Identity();      // columns: the image axes in W (LPS)
-  std::vector<T> data;                    // size.prod() values
+  Index3 size = Index3::Zero();       // voxels
+  Vec3 spacing = Vec3::Ones();        // mm
+  Vec3 origin = Vec3::Zero();         // mm, W: the centre of voxel (0, 0, 0)
+  Mat3 direction = Mat3::Identity();  // columns: the image axes in W (LPS)
+  std::vector<T> data;                // size.prod() values
 
   std::size_t offset(int i, int j, int k) const {
     return (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;

@@ -6,9 +6,9 @@
 namespace toothprep {
 
 // Usage: OutputFile out("trace.h5", force); write(out.temporary()); out.commit();
-// The constructor refuses (Error) an existing file unless `force`, and a folder that doesn't exist or
-// can't be written. Without commit() the destructor removes what was written. With `directory` the
-// output is a folder: temporary() is then an existing empty folder beside the final place.
+// The constructor refuses (Error) an existing file unless `force`, and a folder that doesn't exist
+// or can't be written. Without commit() the destructor removes what was written. With `directory`
+// the output is a folder: temporary() is then an existing empty folder beside the final place.
 class OutputFile {
  public:
   OutputFile(std::string path, bool force, bool directory = false);

@@ -1,6 +1,7 @@
-// The model's parameters, in the toolkit's own units (core/units.h). Presets: `paper` (Wu, Wang, Wang
-// and Zhang, "Toward Stable and Realistic Haptic Interaction for Tooth Preparation Simulation") and
-// `physical` (real turbine speed with linear droop; its specific energies are not calibrated).
+// The model's parameters, in the toolkit's own units (core/units.h). Presets: `paper` (Wu, Wang,
+// Wang and Zhang, "Toward Stable and Realistic Haptic Interaction for Tooth Preparation
+// Simulation") and `physical` (real turbine speed with linear droop; its specific energies are not
+// calibrated).
 #pragma once
 
 #include <string>
@@ -27,9 +28,9 @@ struct Handpiece {
 };
 
 struct Coupling {
-  double stiffness = 1.0;   // k_VC, N/mm, > 0
-  double damping = 0.0;     // b, N·s/mm, >= 0
-  double bur_mass = 8e-6;   // m, N·s²/mm, > 0
+  double stiffness = 1.0;  // k_VC, N/mm, > 0
+  double damping = 0.0;    // b, N·s/mm, >= 0
+  double bur_mass = 8e-6;  // m, N·s²/mm, > 0
 };
 
 enum class EngineKind { kLevelset, kVoxel };
@@ -54,13 +55,15 @@ Parameters preset_parameters(const std::string& name);
 void validate(const Parameters& parameters);
 
 // Parameters from a TOML file, or from its text (`where` then names it in errors). Absent keys come
-// from the file's own `preset` or, failing that, `default_preset`; an unknown key is an InputError that
-// names the nearest known one. The result is validated.
+// from the file's own `preset` or, failing that, `default_preset`; an unknown key is an InputError
+// that names the nearest known one. The result is validated.
 Parameters read_parameters(const std::string& path, const std::string& default_preset = "paper");
 Parameters parse_parameters(const std::string& toml, const std::string& where,
                             const std::string& default_preset = "paper");
 
-// The complete TOML text that parse_parameters turns into the same parameters, bit for bit.
+// The complete TOML text that parse_parameters turns into the same parameters, bit for bit. A unit's
+// conversion rounds, and a few values are the conversion of no double: those are written in internal
+// units (keys specific_energy_n_per_mm2, bur_mass_t), which readers take beside the usual keys.
 std::string to_toml(const Parameters& parameters);
 
 }  // namespace toothprep

@@ -1,4 +1,5 @@
-// The tissues of a layered tooth and their labels, as they stand in the `tissue` grid of a tooth file.
+// The tissues of a layered tooth and their labels, as they stand in the `tissue` grid of a tooth
+// file.
 #pragma once
 
 #include <array>

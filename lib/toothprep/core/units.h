@@ -12,11 +12,11 @@ namespace toothprep::units {
 
 constexpr double kPi = 3.14159265358979323846;
 
-constexpr double from_gram(double g) { return g * 1e-6; }                // N·s²/mm
-constexpr double to_gram(double mass) { return mass * 1e6; }             //
-constexpr double from_joule_per_mm3(double u) { return u * 1e3; }        // N/mm²
-constexpr double to_joule_per_mm3(double u) { return u * 1e-3; }         //
-constexpr double to_watt(double power) { return power * 1e-3; }          // from N·mm/s
+constexpr double from_gram(double g) { return g * 1e-6; }          // N·s²/mm
+constexpr double to_gram(double mass) { return mass * 1e6; }       //
+constexpr double from_joule_per_mm3(double u) { return u * 1e3; }  // N/mm²
+constexpr double to_joule_per_mm3(double u) { return u * 1e-3; }   //
+constexpr double to_watt(double power) { return power * 1e-3; }    // from N·mm/s
 constexpr double from_degree(double degrees) { return degrees * kPi / 180.0; }
 constexpr double to_degree(double radians) { return radians * 180.0 / kPi; }
 

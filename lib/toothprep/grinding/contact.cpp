@@ -10,16 +10,22 @@ namespace {
 
 // Elements whose normal is up to this far behind the motion (sine of the angle) are sampled as
 // well, so that the trial velocity may turn by as much without a new sample.
-constexpr float kMarginSine = 0.35f;
-constexpr double kMarginCosine = 0.94;  // a little inside sqrt(1 - 0.35²)
+constexpr float kMarginSine = 0.15f;
+// Keeps a division defined where the field is flat or meets an element face on, mm.
+constexpr float kLeastExtent = 1e-6f;
+constexpr double kMarginCosine = 0.99;  // a little inside sqrt(1 - 0.15²)
 
-int floor_to_int(float x) {
-  const int i = static_cast<int>(x);
-  return i - (x < static_cast<float>(i));
+// Written so that it vectorises with SSE2 alone.
+inline float floor_of(float x) {
+  const auto truncated = static_cast<float>(static_cast<int>(x));
+  return truncated - (truncated > x ? 1.0f : 0.0f);
 }
+inline int floor_to_int(float x) { return static_cast<int>(floor_of(x)); }
+
+}  // namespace
 
 // The tip's place in index space, split so that single precision suffices beside it.
-struct IndexFrame {
+struct ContactModel::IndexFrame {
   Index3 base;
   float fx, fy, fz;  // rest, [0, 1)
   float a[9];        // rotation / voxel, row by row
@@ -37,8 +43,6 @@ struct IndexFrame {
   }
 };
 
-}  // namespace
-
 ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
                            const PerTissue<GrindingProperties>& tissue)
     : elements_(bur.elements(element_size, clockwise)) {
@@ -48,135 +52,263 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
     ct_[k] = static_cast<float>(ct);
     cn_[k] = static_cast<float>(ct / tissue[k].force_ratio);
   }
-  for (auto* array : {&mx_, &my_, &mz_, &lx_, &ly_, &lz_, &nx_, &ny_, &nz_, &cmx_, &cmy_, &cmz_,
-                      &qx_, &qy_, &qz_, &p_})
+  for (auto* array :
+       {&mx_, &my_, &mz_, &curvature_, &fx_, &fy_, &fz_, &covered_, &along_t_, &along_n_})
     array->resize(n);
-  for (auto& array : area_) array.resize(n);
-  candidates_.resize(n);
+  for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_, &contacts_}) array->resize(n);
+  for (auto& array : corner_) array.resize(n);
+  share_.resize(n);
   const SurfaceElements& e = elements_;
   for (std::size_t i = 0; i < n; ++i) {
     mx_[i] = e.y[i] * e.nz[i] - e.z[i] * e.ny[i];
     my_[i] = e.z[i] * e.nx[i] - e.x[i] * e.nz[i];
     mz_[i] = e.x[i] * e.ny[i] - e.y[i] * e.nx[i];
+    curvature_[i] = e.curvature_along[i] + e.curvature_around[i];
   }
+}
+
+float ContactModel::coverage_at_skin(FieldSample s, int i, const float* a, float ox, float oy,
+                                     float oz) const noexcept {
+  const SurfaceElements& e = elements_;
+  // Back from the reach to the skin.
+  s.value -= s.gx * ox + s.gy * oy + s.gz * oz;
+  const float half = e.half_along[i] + e.half_around[i];
+  if (s.value >= half) return 0;
+  if (s.value <= -half) return 1;
+  const float gx = a[0] * s.gx + a[3] * s.gy + a[6] * s.gz;
+  const float gy = a[1] * s.gx + a[4] * s.gy + a[7] * s.gz;
+  const float gz = a[2] * s.gx + a[5] * s.gy + a[8] * s.gz;
+  const float along = gx * e.lx[i] + gy * e.ly[i] + gz * e.lz[i];
+  const float around = gx * e.tx[i] + gy * e.ty[i];
+  const float normal = gx * e.nx[i] + gy * e.ny[i] + gz * e.nz[i];
+  constexpr int kAround = 4, kAlong = 2;
+  const float extent =
+      std::abs(along) * e.half_along[i] / kAlong + std::abs(around) * e.half_around[i] / kAround;
+  float covered = 0;
+  for (int m = 0; m < kAround; ++m) {
+    const float p = e.half_around[i] * (static_cast<float>(2 * m + 1) / kAround - 1);
+    for (int n = 0; n < kAlong; ++n) {
+      const float q = e.half_along[i] * (static_cast<float>(2 * n + 1) / kAlong - 1);
+      const float sag = 0.5f * (e.curvature_around[i] * p * p + e.curvature_along[i] * q * q);
+      const float value = s.value + around * p + along * q - normal * sag;
+      covered += value >= extent ? 0 : value <= -extent ? 1 : 0.5f - 0.5f * value / extent;
+    }
+  }
+  return covered / (kAround * kAlong);
+}
+
+// By the tissues' level sets; where a tissue without one occurs, by the trilinear blend of the
+// labels.
+void ContactModel::tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell,
+                                 float fx, float fy, float fz, int i, const float* a, float ox,
+                                 float oy, float oz, PerTissue<float>& share) const noexcept {
+  const LabelGrid& labels = workpiece.labels();
+  if (labels.is_uniform(brick) && (cell.x() & 7) < 7 && (cell.y() & 7) < 7 && (cell.z() & 7) < 7) {
+    const std::uint8_t label = labels.uniform_value(brick);
+    if (label != 0) share[label - 1] = 1;
+    return;
+  }
+  PerTissue<float> blend{};
+  float total = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const int ix = corner >> 2, iy = (corner >> 1) & 1, iz = corner & 1;
+    const std::uint8_t label = labels.value(cell.x() + ix, cell.y() + iy, cell.z() + iz);
+    if (label == 0) continue;
+    const float w = (ix ? fx : 1 - fx) * (iy ? fy : 1 - fy) * (iz ? fz : 1 - fz);
+    blend[label - 1] += w;
+    total += w;
+  }
+  if (total <= 0) return;
+  constexpr int kOther = tissue_index(Tissue::kOther);
+  if (blend[kOther] == 0) {
+    float sum = 0;
+    for (int k = 0; k < kOther; ++k) {
+      float corners[8];
+      cell_corners(workpiece.tooth().remains[k], cell.x(), cell.y(), cell.z(), corners);
+      share[k] = coverage_at_skin(sample_cell(corners, fx, fy, fz), i, a, ox, oy, oz);
+      sum += share[k];
+    }
+    if (sum > 0) {
+      for (int k = 0; k < kOther; ++k) share[k] /= sum;
+      return;
+    }
+  }
+  for (int k = 0; k < kTissueCount; ++k) share[k] = blend[k] / total;
 }
 
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
                           const Vec3& omega, double reach) noexcept {
   const SurfaceElements& e = elements_;
-  const int n = static_cast<int>(e.size());
   const IndexFrame f(workpiece.lattice(), pose);
-  const auto vx = static_cast<float>(v.x()), vy = static_cast<float>(v.y()),
-             vz = static_cast<float>(v.z());
-  const auto ox = static_cast<float>(omega.x()), oy = static_cast<float>(omega.y()),
-             oz = static_cast<float>(omega.z());
-  const bool turning = omega.squaredNorm() > 0;
-  const auto reach_f = static_cast<float>(reach);
   const double speed = v.norm();
   sampled_direction_ = speed > 0 ? Vec3(v / speed) : Vec3(Vec3::Zero());
 
-  // Pass 1: index coordinates of every element's sample, and which elements are worth a look-up.
-  const float advance_x = speed > 0 ? reach_f * static_cast<float>(v.x() / speed) : 0;
-  const float advance_y = speed > 0 ? reach_f * static_cast<float>(v.y() / speed) : 0;
-  const float advance_z = speed > 0 ? reach_f * static_cast<float>(v.z() / speed) : 0;
-  const float* a = f.a;
-  int candidates = 0;
-  if (!turning) {
-    const float threshold = -kMarginSine * static_cast<float>(speed);
-#pragma omp simd
-    for (int i = 0; i < n; ++i) {
-      const float x = e.x[i] + advance_x, y = e.y[i] + advance_y, z = e.z[i] + advance_z;
-      lx_[i] = f.fx + a[0] * x + a[1] * y + a[2] * z;
-      ly_[i] = f.fy + a[3] * x + a[4] * y + a[5] * z;
-      lz_[i] = f.fz + a[6] * x + a[7] * y + a[8] * z;
-    }
-    for (int i = 0; i < n; ++i) {
-      candidates_[candidates] = i;
-      candidates += (e.nx[i] * vx + e.ny[i] * vy + e.nz[i] * vz) > threshold;
-    }
-  } else {
-    for (int i = 0; i < n; ++i) {
-      const float ux = vx + oy * e.z[i] - oz * e.y[i];
-      const float uy = vy + oz * e.x[i] - ox * e.z[i];
-      const float uz = vz + ox * e.y[i] - oy * e.x[i];
-      const float s = std::sqrt(ux * ux + uy * uy + uz * uz);
-      const float k = s > 0 ? reach_f / s : 0;
-      const float x = e.x[i] + k * ux, y = e.y[i] + k * uy, z = e.z[i] + k * uz;
-      lx_[i] = f.fx + a[0] * x + a[1] * y + a[2] * z;
-      ly_[i] = f.fy + a[3] * x + a[4] * y + a[5] * z;
-      lz_[i] = f.fz + a[6] * x + a[7] * y + a[8] * z;
-      candidates_[candidates] = i;
-      candidates += (e.nx[i] * ux + e.ny[i] * uy + e.nz[i] * uz) > -kMarginSine * s;
-    }
+  // Pass 1: the cell of every element's sample, and which elements are worth a look-up.
+  const int candidates =
+      omega.squaredNorm() > 0 ? locate_turning(f, v, omega, reach) : locate_straight(f, v, reach);
+
+  // Pass 2: the cut at the corners of each cell.
+  const LevelSet& cut = workpiece.cut();
+  for (int c = 0; c < candidates; ++c) {
+    const int i = candidates_[c];
+    float corners[8];
+    cell_corners(cut, f.base.x() + cell_x_[i], f.base.y() + cell_y_[i], f.base.z() + cell_z_[i],
+                 corners);
+    for (int k = 0; k < 8; ++k) corner_[k][i] = corners[k];
   }
 
-  // Pass 2: look-ups. The field's values are mm, its gradient mm per voxel.
-  const LevelSet& solid = workpiece.solid();
-  const LabelGrid& labels = workpiece.labels();
+  // Pass 3: the share of each element that the cut left. Runs over all elements; the others' is not
+  // used.
+  cover(f.a, static_cast<float>(workpiece.voxel() * workpiece.voxel() / 12));
+
+  // Pass 4: the tooth's own surface and the tissues, where there are several.
+  const LevelSet& solid = workpiece.tooth().solid;
+  std::fill(along_t_.begin(), along_t_.end(), 0.0f);
+  std::fill(along_n_.begin(), along_n_.end(), 0.0f);
   count_ = 0;
   for (int c = 0; c < candidates; ++c) {
     const int i = candidates_[c];
-    const int cx = floor_to_int(lx_[i]), cy = floor_to_int(ly_[i]), cz = floor_to_int(lz_[i]);
-    const float fx = lx_[i] - static_cast<float>(cx), fy = ly_[i] - static_cast<float>(cy),
-                fz = lz_[i] - static_cast<float>(cz);
-    const int x = f.base.x() + cx, y = f.base.y() + cy, z = f.base.z() + cz;
-    const FieldSample s = sample_cell(solid, x, y, z, fx, fy, fz);
-    const float half = e.half_along[i] + e.half_around[i];
-    if (s.value >= half) continue;
-    float coverage = 1;
-    if (s.value > -half) {
-      // Gradient in B (mm/mm): the columns of a are the axes of B in index space, over the voxel
-      // size.
-      const float gx = a[0] * s.gx + a[3] * s.gy + a[6] * s.gz;
-      const float gy = a[1] * s.gx + a[4] * s.gy + a[7] * s.gz;
-      const float gz = a[2] * s.gx + a[5] * s.gy + a[8] * s.gz;
-      const float extent = std::abs(gx * e.lx[i] + gy * e.ly[i] + gz * e.lz[i]) * e.half_along[i] +
-                           std::abs(gx * e.tx[i] + gy * e.ty[i]) * e.half_around[i];
-      if (s.value >= extent) continue;
-      if (s.value > -extent) coverage = 0.5f - 0.5f * s.value / extent;
-    }
+    float covered = covered_[i];
+    if (covered <= 0) continue;
+    const Index3 cell = f.base + Index3(cell_x_[i], cell_y_[i], cell_z_[i]);
+    const std::int64_t index = cut.brick_index(cell.x(), cell.y(), cell.z());
+    if (index < 0) continue;  // outside the box there is no tissue
+    const auto brick = static_cast<std::size_t>(index);
+    const std::uint8_t only = workpiece.only_tissue(brick);
 
-    // Shares of the tissues: one label for most elements, a trilinear blend at borders.
-    PerTissue<float> share{};
-    const std::int64_t b = labels.brick_index(x, y, z);
-    const bool one_brick = (x & 7) < 7 && (y & 7) < 7 && (z & 7) < 7;
-    if (b >= 0 && one_brick && labels.is_uniform(static_cast<std::size_t>(b))) {
-      const std::uint8_t label = labels.uniform_value(static_cast<std::size_t>(b));
-      if (label == 0) continue;
-      share[label - 1] = coverage;
+    PerTissue<float>& share = share_[i];
+    share = {};
+    if (only != 0 && workpiece.deep(brick)) {
+      share[only - 1] = covered;
+      along_t_[i] = covered * ct_[only - 1] * e.weight[i];
+      along_n_[i] = covered * cn_[only - 1] * e.weight[i];
+      contacts_[count_++] = i;
+      continue;
+    }
+    // How far the sample lies ahead of the skin, in index space.
+    const float* a = f.a;
+    const float ox = static_cast<float>(cell_x_[i]) + fx_[i] - f.fx -
+                     (a[0] * e.x[i] + a[1] * e.y[i] + a[2] * e.z[i]);
+    const float oy = static_cast<float>(cell_y_[i]) + fy_[i] - f.fy -
+                     (a[3] * e.x[i] + a[4] * e.y[i] + a[5] * e.z[i]);
+    const float oz = static_cast<float>(cell_z_[i]) + fz_[i] - f.fz -
+                     (a[6] * e.x[i] + a[7] * e.y[i] + a[8] * e.z[i]);
+    if (!workpiece.deep(brick)) {
+      float corners[8];
+      cell_corners(solid, cell.x(), cell.y(), cell.z(), corners);
+      covered *= coverage_at_skin(sample_cell(corners, fx_[i], fy_[i], fz_[i]), i, a, ox, oy, oz);
+      if (covered <= 0) continue;
+    }
+    if (only != 0) {
+      share[only - 1] = covered;
     } else {
-      float total = 0;
-      for (int corner = 0; corner < 8; ++corner) {
-        const int ix = corner >> 2, iy = (corner >> 1) & 1, iz = corner & 1;
-        const std::uint8_t label = labels.value(x + ix, y + iy, z + iz);
-        if (label == 0) continue;
-        const float w = (ix ? fx : 1 - fx) * (iy ? fy : 1 - fy) * (iz ? fz : 1 - fz);
-        share[label - 1] += w;
-        total += w;
-      }
-      if (total <= 0) continue;
-      for (float& w : share) w *= coverage / total;
+      tissue_shares(workpiece, brick, cell, fx_[i], fy_[i], fz_[i], i, a, ox, oy, oz, share);
+      for (float& k : share) k *= covered;
     }
-
     float t = 0, nn = 0;
     for (int k = 0; k < kTissueCount; ++k) {
       t += share[k] * ct_[k];
       nn += share[k] * cn_[k];
-      area_[k][count_] = share[k] * e.area[i];
     }
-    t *= e.weight[i];
-    nn *= e.weight[i];
-    nx_[count_] = e.nx[i];
-    ny_[count_] = e.ny[i];
-    nz_[count_] = e.nz[i];
-    cmx_[count_] = mx_[i];
-    cmy_[count_] = my_[i];
-    cmz_[count_] = mz_[i];
-    qx_[count_] = t * e.tx[i] - nn * e.nx[i];
-    qy_[count_] = t * e.ty[i] - nn * e.ny[i];
-    qz_[count_] = -nn * e.nz[i];
-    p_[count_] = t * e.radius[i];
-    ++count_;
+    along_t_[i] = t * e.weight[i];
+    along_n_[i] = nn * e.weight[i];
+    contacts_[count_++] = i;
+  }
+}
+
+// Pass 1 with one velocity for all elements.
+int ContactModel::locate_straight(const IndexFrame& f, const Vec3& v, double reach) noexcept {
+  const SurfaceElements& e = elements_;
+  const int n = static_cast<int>(e.size());
+  const double speed = v.norm();
+  const Eigen::Vector3f vf = v.cast<float>();
+  const Eigen::Vector3f ahead =
+      speed > 0 ? Eigen::Vector3f((v * (reach / speed)).cast<float>()) : Eigen::Vector3f::Zero();
+  const float* a = f.a;
+  const float bx = f.fx + a[0] * ahead.x() + a[1] * ahead.y() + a[2] * ahead.z();
+  const float by = f.fy + a[3] * ahead.x() + a[4] * ahead.y() + a[5] * ahead.z();
+  const float bz = f.fz + a[6] * ahead.x() + a[7] * ahead.y() + a[8] * ahead.z();
+  const float *x = e.x.data(), *y = e.y.data(), *z = e.z.data();
+  float *fx = fx_.data(), *fy = fy_.data(), *fz = fz_.data();
+  std::int32_t *cx = cell_x_.data(), *cy = cell_y_.data(), *cz = cell_z_.data();
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const float ix = bx + a[0] * x[i] + a[1] * y[i] + a[2] * z[i];
+    const float iy = by + a[3] * x[i] + a[4] * y[i] + a[5] * z[i];
+    const float iz = bz + a[6] * x[i] + a[7] * y[i] + a[8] * z[i];
+    const float wx = floor_of(ix), wy = floor_of(iy), wz = floor_of(iz);
+    cx[i] = static_cast<std::int32_t>(wx);
+    cy[i] = static_cast<std::int32_t>(wy);
+    cz[i] = static_cast<std::int32_t>(wz);
+    fx[i] = ix - wx, fy[i] = iy - wy, fz[i] = iz - wz;
+  }
+  const float threshold = -kMarginSine * static_cast<float>(speed);
+  int candidates = 0;
+  for (int i = 0; i < n; ++i) {
+    candidates_[candidates] = i;
+    candidates += e.nx[i] * vf.x() + e.ny[i] * vf.y() + e.nz[i] * vf.z() > threshold;
+  }
+  return candidates;
+}
+
+// Pass 1 with v(s) = v + omega x r(s).
+int ContactModel::locate_turning(const IndexFrame& f, const Vec3& v, const Vec3& omega,
+                                 double reach) noexcept {
+  const SurfaceElements& e = elements_;
+  const int n = static_cast<int>(e.size());
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  const auto reach_f = static_cast<float>(reach);
+  const float* a = f.a;
+  int candidates = 0;
+  for (int i = 0; i < n; ++i) {
+    const float ux = vf.x() + of.y() * e.z[i] - of.z() * e.y[i];
+    const float uy = vf.y() + of.z() * e.x[i] - of.x() * e.z[i];
+    const float uz = vf.z() + of.x() * e.y[i] - of.y() * e.x[i];
+    const float s = std::sqrt(ux * ux + uy * uy + uz * uz);
+    const float k = s > 0 ? reach_f / s : 0;
+    const float x = e.x[i] + k * ux, y = e.y[i] + k * uy, z = e.z[i] + k * uz;
+    const float ix = f.fx + a[0] * x + a[1] * y + a[2] * z;
+    const float iy = f.fy + a[3] * x + a[4] * y + a[5] * z;
+    const float iz = f.fz + a[6] * x + a[7] * y + a[8] * z;
+    cell_x_[i] = floor_to_int(ix), cell_y_[i] = floor_to_int(iy), cell_z_[i] = floor_to_int(iz);
+    fx_[i] = ix - static_cast<float>(cell_x_[i]);
+    fy_[i] = iy - static_cast<float>(cell_y_[i]);
+    fz_[i] = iz - static_cast<float>(cell_z_[i]);
+    candidates_[candidates] = i;
+    candidates += e.nx[i] * ux + e.ny[i] * uy + e.nz[i] * uz > -kMarginSine * s;
+  }
+  return candidates;
+}
+
+// Pass 3: trilinear value of the cut, less the wall's interpolation error, against the element's
+// extent along the field's gradient.
+void ContactModel::cover(const float* a, float wall_per_curvature) noexcept {
+  const SurfaceElements& e = elements_;
+  const int n = static_cast<int>(e.size());
+  const float *c0 = corner_[0].data(), *c1 = corner_[1].data(), *c2 = corner_[2].data(),
+              *c3 = corner_[3].data(), *c4 = corner_[4].data(), *c5 = corner_[5].data(),
+              *c6 = corner_[6].data(), *c7 = corner_[7].data();
+  const float *fx = fx_.data(), *fy = fy_.data(), *fz = fz_.data();
+  const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
+  const float *tx = e.tx.data(), *ty = e.ty.data();
+  const float *half_along = e.half_along.data(), *half_around = e.half_around.data();
+  const float* curvature = curvature_.data();
+  float* covered = covered_.data();
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const FieldSample s =
+        sample_cell(c0[i], c1[i], c2[i], c3[i], c4[i], c5[i], c6[i], c7[i], fx[i], fy[i], fz[i]);
+    // Gradient in B (mm/mm): the columns of a are the axes of B in index space, over the voxel
+    // size.
+    const float gx = a[0] * s.gx + a[3] * s.gy + a[6] * s.gz;
+    const float gy = a[1] * s.gx + a[4] * s.gy + a[7] * s.gz;
+    const float gz = a[2] * s.gx + a[5] * s.gy + a[8] * s.gz;
+    const float extent = std::abs(gx * lx[i] + gy * ly[i] + gz * lz[i]) * half_along[i] +
+                         std::abs(gx * tx[i] + gy * ty[i]) * half_around[i] + kLeastExtent;
+    const float value = s.value + wall_per_curvature * curvature[i];
+    const float share = 0.5f - 0.5f * value / extent;
+    const float at_least_0 = share > 0 ? share : 0;
+    covered[i] = at_least_0 < 1 ? at_least_0 : 1;
   }
 }
 
@@ -186,30 +318,30 @@ bool ContactModel::covers(const Vec3& v) const noexcept {
 }
 
 GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const noexcept {
-  const auto vx = static_cast<float>(v.x()), vy = static_cast<float>(v.y()),
-             vz = static_cast<float>(v.z());
-  const auto ox = static_cast<float>(omega.x()), oy = static_cast<float>(omega.y()),
-             oz = static_cast<float>(omega.z());
+  const SurfaceElements& e = elements_;
+  const int n = static_cast<int>(e.size());
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
+  const float *nx = e.nx.data(), *ny = e.ny.data(), *nz = e.nz.data();
+  const float *tx = e.tx.data(), *ty = e.ty.data(), *radius = e.radius.data();
+  const float *mx = mx_.data(), *my = my_.data(), *mz = mz_.data();
+  const float *along_t = along_t_.data(), *along_n = along_n_.data();
   float b00 = 0, b01 = 0, b02 = 0, b10 = 0, b11 = 0, b12 = 0, b20 = 0, b21 = 0, b22 = 0;
   float t0 = 0, t1 = 0, t2 = 0;
   std::int32_t advancing = 0, places = 0;
-  const int n = count_;
-  const float *nx = nx_.data(), *ny = ny_.data(), *nz = nz_.data();
-  const float *mx = cmx_.data(), *my = cmy_.data(), *mz = cmz_.data();
-  const float *qx = qx_.data(), *qy = qy_.data(), *qz = qz_.data(), *p = p_.data();
 #pragma omp simd reduction(+ : b00, b01, b02, b10, b11, b12, b20, b21, b22, t0, t1, t2, advancing, \
                                places)
   for (int i = 0; i < n; ++i) {
     const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
-    const bool advances = s > 0;
-    const float x = advances ? qx[i] : 0, y = advances ? qy[i] : 0, z = advances ? qz[i] : 0;
-    const float torque = advances ? p[i] : 0;
+    const float t = s > 0 ? along_t[i] : 0, m = s > 0 ? along_n[i] : 0;
+    const float x = t * tx[i] - m * nx[i], y = t * ty[i] - m * ny[i], z = -m * nz[i];
+    const float torque = t * radius[i];
     b00 += x * nx[i], b01 += x * ny[i], b02 += x * nz[i];
     b10 += y * nx[i], b11 += y * ny[i], b12 += y * nz[i];
     b20 += z * nx[i], b21 += z * ny[i], b22 += z * nz[i];
     t0 += torque * nx[i], t1 += torque * ny[i], t2 += torque * nz[i];
-    advancing += advances ? 1 : 0;
-    places += advances ? i : 0;
+    advancing += m > 0 ? 1 : 0;
+    places += m > 0 ? i : 0;
   }
   GrindingResponse r;
   r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
@@ -222,9 +354,11 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
     for (int i = 0; i < n; ++i) {
       const float turn = mx[i] * ox + my[i] * oy + mz[i] * oz;
       const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + turn;
-      const float w = s > 0 ? turn : 0;
-      f0 += w * qx[i], f1 += w * qy[i], f2 += w * qz[i];
-      torque0 += w * p[i];
+      const float t = s > 0 ? along_t[i] * turn : 0, m = s > 0 ? along_n[i] * turn : 0;
+      f0 += t * tx[i] - m * nx[i];
+      f1 += t * ty[i] - m * ny[i];
+      f2 -= m * nz[i];
+      torque0 += t * radius[i];
     }
     r.f0 = Vec3(f0, f1, f2);
     r.t0 = torque0;
@@ -233,36 +367,42 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
 }
 
 PerTissue<double> ContactModel::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
+  const SurfaceElements& e = elements_;
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   PerTissue<float> sum{};
-  for (int i = 0; i < count_; ++i) {
-    const float s = nx_[i] * vf.x() + ny_[i] * vf.y() + nz_[i] * vf.z() + cmx_[i] * of.x() +
-                    cmy_[i] * of.y() + cmz_[i] * of.z();
-    for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? area_[k][i] : 0;
+  for (int c = 0; c < count_; ++c) {
+    const int i = contacts_[c];
+    const float s = e.nx[i] * vf.x() + e.ny[i] * vf.y() + e.nz[i] * vf.z() + mx_[i] * of.x() +
+                    my_[i] * of.y() + mz_[i] * of.z();
+    const float area = s > 0 ? e.area[i] : 0;
+    for (int k = 0; k < kTissueCount; ++k) sum[k] += area * share_[i][k];
   }
   PerTissue<double> area{};
   for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k];
   return area;
 }
 
+// By geometry alone: tissue that costs no energy is in the way all the same.
 bool ContactModel::any_advances(const Vec3& v, const Vec3& omega) const noexcept {
-  return response(v, omega).advancing > 0;
+  const PerTissue<double> area = advancing_area(v, omega);
+  return std::any_of(area.begin(), area.end(), [](double a) { return a > 0; });
 }
 
 double shank_contact_area(const SurfaceElements& shank, const Workpiece& workpiece,
                           const Pose& pose) noexcept {
-  const IndexFrame f(workpiece.lattice(), pose);
+  const ContactModel::IndexFrame f(workpiece.lattice(), pose);
   const float* a = f.a;
   double area = 0;
   for (std::size_t i = 0; i < shank.size(); ++i) {
+    // The nearest voxel will do for a report.
     const float x = f.fx + a[0] * shank.x[i] + a[1] * shank.y[i] + a[2] * shank.z[i];
     const float y = f.fy + a[3] * shank.x[i] + a[4] * shank.y[i] + a[5] * shank.z[i];
     const float z = f.fz + a[6] * shank.x[i] + a[7] * shank.y[i] + a[8] * shank.z[i];
-    const int cx = floor_to_int(x), cy = floor_to_int(y), cz = floor_to_int(z);
-    const FieldSample s = sample_cell(workpiece.solid(), f.base.x() + cx, f.base.y() + cy,
-                                      f.base.z() + cz, x - static_cast<float>(cx),
-                                      y - static_cast<float>(cy), z - static_cast<float>(cz));
-    if (s.value < 0) area += shank.area[i];
+    const Index3 v(f.base.x() + floor_to_int(x + 0.5f), f.base.y() + floor_to_int(y + 0.5f),
+                   f.base.z() + floor_to_int(z + 0.5f));
+    if (workpiece.tooth().solid.value(v.x(), v.y(), v.z()) < 0 &&
+        workpiece.cut().value(v.x(), v.y(), v.z()) < 0)
+      area += shank.area[i];
   }
   return area;
 }

@@ -18,17 +18,20 @@
 //   N           rotation rate                rev/s       responses are for N = 1 rev/s: divide by N
 //   B           Response::B                  N·s/mm · rev/s
 //
-// An element is in contact where the remaining solid is met a small reach ahead of the skin, along
-// the element's own velocity: ahead of fresh tissue that is the same as along the normal, and in a
-// slot that is passed again it stays in the void instead of touching the walls. An element that the
-// surface crosses counts by the share of its extent that lies inside (plane through the sample, by
-// the field's gradient), and an element at the border of two tissues by the trilinear share of
-// their labels.
+// An element is in contact where tissue is met a small reach ahead of the skin, along the element's
+// own velocity: ahead of fresh tissue that is the same as along the normal, and in a slot that is
+// passed again it stays in the void instead of touching the walls. An element that a surface
+// crosses (of the tooth, of the cut, of the border of two tissues) counts by the share of its
+// extent that lies inside: the plane through the sample, by the field's gradient.
+//
+// Interpolated on the lattice, the wall that a convex bur left stands up to D²/8 times its
+// curvature too far out. As much is taken off before a wall counts as touched.
 //
 // Valid while the bur turns much faster than it feeds, so that the chip thickness doesn't depend on
 // phi.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -78,21 +81,44 @@ class ContactModel {
 
   std::size_t element_count() const { return elements_.size(); }
 
- private:
-  SurfaceElements elements_;
-  std::vector<float> mx_, my_, mz_;  // r x n, mm
-  PerTissue<float> ct_{}, cn_{};     // u/(2 pi), u/(2 pi alpha)
+  struct IndexFrame;
 
-  // Working arrays of one sample, as long as the elements.
-  std::vector<float> lx_, ly_, lz_;  // index coordinates relative to the tip's voxel
+ private:
+  // The passes of sample(); see there.
+  int locate_straight(const IndexFrame& frame, const Vec3& v, double reach) noexcept;
+  int locate_turning(const IndexFrame& frame, const Vec3& v, const Vec3& omega,
+                     double reach) noexcept;
+  void cover(const float* to_index, float wall_per_curvature) noexcept;
+  // How a surface that the bur didn't cut crosses element i: the share inside of the field, `s` of
+  // which is its sample (ox, oy, oz) ahead of the skin in index space, with the element's
+  // curvature.
+  float coverage_at_skin(FieldSample s, int i, const float* to_index, float ox, float oy,
+                         float oz) const noexcept;
+  // How element i is shared among the tissues; adds up to 1, or to 0 in air.
+  void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell, float fx,
+                     float fy, float fz, int i, const float* to_index, float ox, float oy, float oz,
+                     PerTissue<float>& share) const noexcept;
+
+  SurfaceElements elements_;
+  PerTissue<float> ct_{}, cn_{};  // u/(2 pi), u/(2 pi alpha)
+
+  // Everything below is an array over the elements, so that the passes of a sample run in place and
+  // side by side. Fixed:
+  std::vector<float> mx_, my_, mz_;  // r x n, mm
+  std::vector<float> curvature_;     // sum of the principal curvatures, 1/mm
+  // Of a sample: the cell (voxel of its lower corner, from the tip's voxel) and the place in it,
+  // the cut's values at its corners, and the share of the element that the cut left.
+  std::vector<std::int32_t> cell_x_, cell_y_, cell_z_;
+  std::vector<float> fx_, fy_, fz_;
+  std::array<std::vector<float>, 8> corner_;
+  std::vector<float> covered_;
   std::vector<std::int32_t> candidates_;
   Vec3 sampled_direction_ = Vec3::Zero();
-
-  // The elements in contact: normal, r x n, force per advance q = w (t ct - n cn), torque per
-  // advance p.
+  // The elements in contact (list), and the coefficients of n_t and n_n in dF (0 elsewhere).
   int count_ = 0;
-  std::vector<float> nx_, ny_, nz_, cmx_, cmy_, cmz_, qx_, qy_, qz_, p_;
-  PerTissue<std::vector<float>> area_;
+  std::vector<std::int32_t> contacts_;
+  std::vector<float> along_t_, along_n_;
+  std::vector<PerTissue<float>> share_;
 };
 
 // Area of the shank in contact with tissue, mm²: reported only.

@@ -7,13 +7,19 @@ namespace toothprep {
 namespace {
 
 constexpr std::size_t kMaxSubPoses = 1024;
-// A cut's bricks are spread over this many steps.
-constexpr std::size_t kSpread = 16;
+// A cut is carved in proportion to the way, a little ahead of the next one's being due; never less
+// than a few bricks a step, so that it ends when the bur rests.
+constexpr double kAhead = 1.25;
+constexpr std::size_t kLeastBricks = 4;
 
 }  // namespace
 
 Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
-    : bur_(bur), workpiece_(workpiece), due_distance_(workpiece.voxel()), last_(pose) {
+    : bur_(bur),
+      workpiece_(workpiece),
+      due_distance_(workpiece.voxel()),
+      last_(pose),
+      previous_(pose) {
   sub_poses_.reserve(kMaxSubPoses);
 }
 
@@ -25,7 +31,7 @@ double Removal::displacement(const Pose& from, const Pose& to) const noexcept {
 }
 
 void Removal::plan(const Pose& pose) noexcept {
-  const LevelSet& solid = workpiece_.solid();
+  const LevelSet& solid = workpiece_.tooth().solid;
   const double voxel = workpiece_.voxel();
   const double way = displacement(last_, pose);
   const auto count = static_cast<std::size_t>(
@@ -59,12 +65,12 @@ void Removal::plan(const Pose& pose) noexcept {
     box_counts_[a] = std::max(0, std::min(hi, grid_last[a]) - box_first_[a] + 1);
   }
   box_size_ = static_cast<std::size_t>(box_counts_.x()) * box_counts_.y() * box_counts_.z();
-  share_ = (box_size_ + kSpread - 1) / kSpread;
   cursor_ = 0;
 }
 
 void Removal::carve_some(std::size_t bricks) noexcept {
-  const LevelSet& solid = workpiece_.solid();
+  const LevelSet& solid = workpiece_.tooth().solid;
+  const LevelSet& cut = workpiece_.cut();
   const std::size_t end = std::min(box_size_, cursor_ + bricks);
   for (; cursor_ < end; ++cursor_) {
     const auto z = static_cast<int>(cursor_ % box_counts_.z());
@@ -72,17 +78,18 @@ void Removal::carve_some(std::size_t bricks) noexcept {
     const auto x = static_cast<int>(cursor_ / box_counts_.z() / box_counts_.y());
     const Index3 voxel = (box_first_ + Index3(x, y, z)) * kBrickEdge;
     const auto b = static_cast<std::size_t>(solid.brick_index(voxel.x(), voxel.y(), voxel.z()));
-    if (solid.is_uniform(b) && solid.uniform_value(b) > 0) continue;  // nothing left
+    if (solid.is_uniform(b) && solid.uniform_value(b) > 0) continue;  // no tissue here
+    if (cut.is_uniform(b) && cut.uniform_value(b) > 0) continue;      // nothing left
     carve_brick(b);
   }
 }
 
 void Removal::carve_brick(std::size_t brick) noexcept {
-  LevelSet& solid = workpiece_.solid();
+  LevelSet& cut = workpiece_.cut();
   const float band = workpiece_.band();
   const float voxel = static_cast<float>(workpiece_.voxel());
   const float half_diagonal = 0.5f * (kBrickEdge - 1) * 1.7320509f * voxel;
-  const Index3 first = solid.brick_origin(brick);
+  const Index3 first = cut.brick_origin(brick);
 
   alignas(32) float next[kBrickVoxels];  // the largest -d_bur of the sub-poses
   bool touched = false;
@@ -125,38 +132,60 @@ void Removal::carve_brick(std::size_t brick) noexcept {
   }
   if (!touched) return;
 
-  const float* phi = solid.brick(brick);
+  const float* before = cut.brick(brick);
   int changed = 0;
-  for (int v = 0; v < kBrickVoxels; ++v) changed += next[v] > phi[v];
-  if (changed == 0) return;
-
-  // Volume: (1/2 - phi/D) clamped to [0, 1] before less after, by label.
-  const std::uint8_t* labels = workpiece_.labels().brick(brick);
-  PerTissue<float> fraction{};
-  bool all_void = true;
-  const float per_voxel = 1 / voxel;
+  bool all_cut = true;
   for (int v = 0; v < kBrickVoxels; ++v) {
-    const float now = std::min(std::max(phi[v], next[v]), band);
-    all_void = all_void && now >= band;
-    const float before = std::clamp(0.5f - phi[v] * per_voxel, 0.0f, 1.0f);
-    const float after = std::clamp(0.5f - now * per_voxel, 0.0f, 1.0f);
-    if (before > after && labels[v] != 0) fraction[labels[v] - 1] += before - after;
+    const float now = std::min(std::max(next[v], before[v]), band);
+    changed += now > before[v];
+    all_cut = all_cut && now >= band;
     next[v] = now;
+  }
+  if (changed == 0) return;
+  count_removed(brick, before, next);
+  if (all_cut) {
+    cut.set_uniform(brick, band);
+    return;
+  }
+  float* target = cut.writable_brick(brick, false);
+  if (!target) return;  // cannot happen: the workpiece reserved a place for every brick with tissue
+  std::copy(next, next + kBrickVoxels, target);
+}
+
+// Volume of what remains in a voxel: (1/2 - phi/D) clamped to [0, 1]; before less after, by tissue.
+// At the border of two tissues a voxel is shared as their level sets share it.
+void Removal::count_removed(std::size_t brick, const float* before, const float* after) noexcept {
+  const float* solid = workpiece_.tooth().solid.brick(brick);
+  const std::uint8_t* labels = workpiece_.labels().brick(brick);
+  const bool one_tissue = workpiece_.only_tissue(brick) != 0;
+  const auto& tissues = workpiece_.tooth().remains;
+  const auto per_voxel = static_cast<float>(1 / workpiece_.voxel());
+  const auto inside = [per_voxel](float phi) {
+    return std::min(std::max(0.5f - phi * per_voxel, 0.0f), 1.0f);
+  };
+  PerTissue<float> fraction{};
+  for (int v = 0; v < kBrickVoxels; ++v) {
+    const float gone = inside(std::max(solid[v], before[v])) - inside(std::max(solid[v], after[v]));
+    if (gone <= 0 || labels[v] == 0) continue;
+    if (!one_tissue && labels[v] != static_cast<std::uint8_t>(Tissue::kOther)) {
+      const float share[3] = {inside(tissues[0].brick(brick)[v]),
+                              inside(tissues[1].brick(brick)[v]),
+                              inside(tissues[2].brick(brick)[v])};
+      const float sum = share[0] + share[1] + share[2];
+      if (sum > 0) {
+        for (int k = 0; k < 3; ++k) fraction[k] += gone * share[k] / sum;
+        continue;
+      }
+    }
+    fraction[labels[v] - 1] += gone;
   }
   const double volume = std::pow(workpiece_.voxel(), 3);
   for (int k = 0; k < kTissueCount; ++k) removed_[k] += volume * fraction[k];
-  if (all_void) {
-    solid.set_uniform(brick, band);
-    return;
-  }
-  float* target = solid.writable_brick(brick, false);
-  if (!target) return;  // cannot happen: the workpiece reserved a place for every solid brick
-  std::copy(next, next + kBrickVoxels, target);
 }
 
 PerTissue<double> Removal::clear(const Pose& pose) {
   const PerTissue<double> before = removed_;
-  last_ = pose;
+  last_ = previous_ = pose;
   plan(pose);
   carve_some(box_size_);
   PerTissue<double> volume{};
@@ -172,7 +201,11 @@ void Removal::advance(const Pose& pose) noexcept {
     paused_ = false;
   }
   if (cursor_ >= box_size_ && displacement(last_, pose) >= due_distance_) plan(pose);
-  if (cursor_ < box_size_) carve_some(share_);
+  if (cursor_ < box_size_) {
+    const double part = kAhead * displacement(previous_, pose) / due_distance_;
+    carve_some(std::max(kLeastBricks, static_cast<std::size_t>(std::min(1.0, part) * box_size_)));
+  }
+  previous_ = pose;
 }
 
 void Removal::pause(const Pose& pose) noexcept {

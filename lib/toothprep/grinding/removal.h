@@ -1,4 +1,4 @@
-// Removal of tissue by the level-set engine: phi <- max(phi, -d_bur), with the bur's exact distance
+// Removal of tissue by the level-set engine: cut <- max(cut, -d_bur), with the bur's exact distance
 // d_bur.
 //
 // A cut is due when the bur has moved one voxel since the last (Eq. 20 as a distance: it needs no
@@ -39,12 +39,14 @@ class Removal {
   void plan(const Pose& pose) noexcept;
   void carve_some(std::size_t bricks) noexcept;
   void carve_brick(std::size_t brick) noexcept;
+  void count_removed(std::size_t brick, const float* before, const float* after) noexcept;
   double displacement(const Pose& from, const Pose& to) const noexcept;
 
   const Bur& bur_;
   Workpiece& workpiece_;
   double due_distance_;  // mm
   Pose last_;            // where the last planned cut ended
+  Pose previous_;        // of the step before
 
   // The cut under way: sub-poses, and the box of bricks it may touch with a cursor in it.
   struct SubPose {
@@ -53,7 +55,7 @@ class Removal {
   };
   std::vector<SubPose> sub_poses_;  // capacity reserved once
   Index3 box_first_ = Index3::Zero(), box_counts_ = Index3::Zero();
-  std::size_t cursor_ = 0, box_size_ = 0, share_ = 0;
+  std::size_t cursor_ = 0, box_size_ = 0;
   PerTissue<double> removed_{};
   bool paused_ = false;
   Pose pause_pose_;

@@ -48,17 +48,62 @@ LabelGrid extend_labels(const LabelGrid& labels, const LevelSet& solid, float re
 }  // namespace
 
 Workpiece::Workpiece(const LayeredTooth& tooth)
-    : lattice_(tooth.lattice), band_(static_cast<float>(tooth.band())), solid_(tooth.solid) {
-  if (tooth.solid.first_brick() != tooth.tissue.first_brick() ||
-      tooth.solid.brick_counts() != tooth.tissue.brick_counts())
-    throw Error("tooth: labels and solid must cover the same bricks");
+    : tooth_(tooth), band_(static_cast<float>(tooth.band())) {
+  const LevelSet& solid = tooth.solid;
+  const auto same_bricks = [&](const auto& grid) {
+    return grid.first_brick() == solid.first_brick() && grid.brick_counts() == solid.brick_counts();
+  };
+  if (!same_bricks(tooth.tissue) || !same_bricks(tooth.remains[0]) ||
+      !same_bricks(tooth.remains[1]) || !same_bricks(tooth.remains[2]))
+    throw Error("tooth: labels and level sets must cover the same bricks");
   labels_ = tooth.tissue;
-  for (int layer = 0; layer < kLabelMargin; ++layer)
-    labels_ = extend_labels(labels_, solid_, band_);
-  std::size_t inside = 0;
-  for (std::size_t b = 0; b < solid_.table_size(); ++b)
-    inside += solid_.is_uniform(b) && solid_.uniform_value(b) < 0;
-  solid_.reserve(inside);
+  for (int layer = 0; layer < kLabelMargin; ++layer) labels_ = extend_labels(labels_, solid, band_);
+
+  cut_ = LevelSet(solid.first_brick(), solid.brick_counts(), -band_, {band_});
+  std::size_t not_void = 0;
+  for (std::size_t b = 0; b < solid.table_size(); ++b)
+    not_void += !(solid.is_uniform(b) && solid.uniform_value(b) > 0);
+  cut_.reserve(not_void);
+
+  // Per brick: a bit for each label in it, and whether it is inside as a whole.
+  std::vector<std::uint8_t> present(solid.table_size(), 0);
+  for (std::size_t b = 0; b < present.size(); ++b)
+    for (int v = 0; v < (labels_.is_uniform(b) ? 1 : kBrickVoxels); ++v)
+      present[b] |= static_cast<std::uint8_t>(1u << labels_.brick(b)[v]);
+  cells_.resize(present.size());
+  const Index3 n = solid.brick_counts();
+  std::size_t b = 0;
+  for (int x = 0; x < n.x(); ++x)
+    for (int y = 0; y < n.y(); ++y)
+      for (int z = 0; z < n.z(); ++z, ++b) {
+        unsigned tissues = 0;
+        bool deep = true;
+        for (int c = 0; c < 8; ++c) {
+          const int nx = std::min(x + (c >> 2), n.x() - 1),
+                    ny = std::min(y + ((c >> 1) & 1), n.y() - 1),
+                    nz = std::min(z + (c & 1), n.z() - 1);
+          const std::size_t at = (static_cast<std::size_t>(nx) * n.y() + ny) * n.z() + nz;
+          tissues |= present[at];
+          deep = deep && solid.is_uniform(at) && solid.uniform_value(at) < 0;
+        }
+        tissues &= ~1u;  // air
+        for (int label = 1; label <= kTissueCount; ++label)
+          if (tissues == 1u << label) cells_[b].only_tissue = static_cast<std::uint8_t>(label);
+        cells_[b].deep = deep;
+      }
+}
+
+LevelSet Workpiece::remaining_solid() const {
+  LevelSet remaining = tooth_.solid;
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut_.table_size(); ++b) {
+    if (cut_.is_uniform(b) && cut_.uniform_value(b) < 0) continue;
+    const float* solid = tooth_.solid.brick(b);
+    const float* cut = cut_.brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) values[v] = std::max(solid[v], cut[v]);
+    remaining.set_brick(b, values.data());
+  }
+  return remaining;
 }
 
 }  // namespace toothprep

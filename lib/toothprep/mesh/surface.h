@@ -11,7 +11,7 @@
 namespace toothprep {
 
 struct TriangleMesh {
-  std::vector<Eigen::Vector3f> vertices;               // mm
+  std::vector<Eigen::Vector3f> vertices;                // mm
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
   std::vector<std::uint8_t> tissue;                     // per vertex, a Tissue label
 };
@@ -19,12 +19,15 @@ struct TriangleMesh {
 enum class SurfaceOf { kAll, kEnamel, kDentin, kPulp };
 
 // The zero surface of what remains of the whole tooth or of one tissue; closed and free of
-// self-intersections. An empty mesh if nothing remains. `tissue` is the label under each vertex.
+// self-intersections. An empty mesh if nothing remains. `tissue` is the tissue under each vertex.
 TriangleMesh extract_surface(const LayeredTooth& tooth, SurfaceOf what);
 
 // By extension: .ply (binary little endian, vertex property `tissue`), .stl (binary), .obj. Throws
 // Error for another extension or an empty mesh. Writes `path` itself.
 void write_mesh(const TriangleMesh& mesh, const std::string& path);
+
+// Throws Error unless the name ends in one of those extensions: to know before the work is done.
+void check_mesh_name(const std::string& path);
 
 double mesh_volume_mm3(const TriangleMesh& mesh);  // signed, by the divergence theorem
 

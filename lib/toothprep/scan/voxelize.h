@@ -1,10 +1,16 @@
 // A CT scan, or a segmentation made elsewhere, to a layered tooth.
+//
+// The tooth stands where the scan has it (LPS, mm) on the lattice whose voxel centres are the
+// integer multiples of the voxel size, so that the same tooth gets the same lattice whatever file,
+// crop or axes it came with. This folder's README tells the method and its measured accuracy.
 #pragma once
 
 #include <array>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "toothprep/core/image_volume.h"
 #include "toothprep/tooth/layered_tooth.h"
@@ -15,16 +21,29 @@ struct VoxelizeOptions {
   double voxel = 0.1;  // mm, of the tooth
   // Grey values of the borders surroundings|dentin and dentin|enamel; automatic when absent.
   std::optional<std::array<double, 2>> thresholds;
+  // Told what is being done and how much of the whole is done (0..1), now and then.
+  std::function<void(const std::string& stage, double done)> progress;
 };
 
-// Grey scan to tooth. Throws Error when no tooth can be told from its surroundings (flat image, one
-// class, nothing but noise), naming what was found.
-LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options);
+// What was found on the way, for the user.
+struct VoxelizeReport {
+  double threshold_dentin = 0, threshold_enamel = 0;          // grey values; of a grey scan only
+  double surroundings = 0, dentin = 0, enamel = 0, pulp = 0;  // typical grey values; pulp 0 if none
+  std::vector<std::string> notes;                             // what a user ought to look at
+};
 
-// Labels to tooth. `tissues` maps label values to tissues; label values not named are air. Throws Error
-// if no named label occurs.
+// Grey scan to tooth: the largest bright component, of dentin and enamel, and the dark cavity
+// inside as pulp. Throws Error when no tooth can be told from its surroundings (flat image, one
+// class, nothing but noise), naming what was found, or when the tooth would take more than 2^29
+// voxels. Provenance gets threshold_dentin and threshold_enamel.
+LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
+                           VoxelizeReport* report = nullptr);
+
+// Labels to tooth. `tissues` maps label values to tissues; label values not named are air. Every
+// named voxel counts, floating pieces too: volumes are those of the labels. Throws Error if a label
+// of the map does not occur, or when the tooth would take more than 2^29 voxels.
 LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
                              const std::map<std::uint16_t, Tissue>& tissues,
-                             const VoxelizeOptions& options);
+                             const VoxelizeOptions& options, VoxelizeReport* report = nullptr);
 
 }  // namespace toothprep

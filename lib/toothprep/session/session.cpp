@@ -11,7 +11,7 @@ namespace toothprep {
 namespace {
 
 constexpr double kReachVoxels = 0.1;       // contact is looked for this far ahead of the skin
-constexpr double kShankElementSize = 0.3;  // mm
+constexpr double kShankElementSize = 0.4;  // mm
 constexpr int kMaxPasses = 8;              // fixed-point passes for the advancing set
 constexpr int kMaxSamples = 3;             // contact samples of one step, when the motion turns
 constexpr int kMaxRateIterations = 60;     // operating point of the droop model
@@ -20,12 +20,12 @@ constexpr double kTinyRate = 1e-6;         // of N0: stands for N -> 0
 }  // namespace
 
 Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
-                 const HandleSample& first)
+                 const HandleSample& first, double element_size)
     : bur_(bur),
       workpiece_(workpiece),
       parameters_(parameters),
       drive_(drive),
-      contact_(bur, kElementSize, parameters.handpiece.clockwise, parameters.tissue),
+      contact_(bur, element_size, parameters.handpiece.clockwise, parameters.tissue),
       shank_(bur.shank_elements(kShankElementSize)),
       removal_(bur, workpiece, first.pose),
       pose_(first.pose),

@@ -31,8 +31,8 @@ LayeredTooth make_block(const BlockOptions& o) {
   // Voxel centres lie half a voxel beside the faces of an unturned block.
   Lattice lattice;
   lattice.voxel = o.voxel;
-  lattice.origin = o.pose.position + Vec3(o.voxel / 2, -o.voxel / 2, o.voxel / 2) +
-                   Vec3(low.x(), 0, low.z());
+  lattice.origin =
+      o.pose.position + Vec3(o.voxel / 2, -o.voxel / 2, o.voxel / 2) + Vec3(low.x(), 0, low.z());
   Vec3 world_low = Vec3::Constant(1e30), world_high = Vec3::Constant(-1e30);
   for (int c = 0; c < 8; ++c) {
     const Vec3 corner((c & 1) ? high.x() : low.x(), (c & 2) ? high.y() : low.y(),
@@ -55,7 +55,8 @@ LayeredTooth make_block(const BlockOptions& o) {
                     static_cast<float>(o.enamel < o.size.y() ? std::max(d, x.y() - border) : none),
                     static_cast<float>(none)};
         // A centre that lies on the border to rounding belongs to the enamel.
-        if (d < 0) s.label = x.y() > border - 1e-9 && o.enamel > 0 ? Tissue::kEnamel : Tissue::kDentin;
+        if (d < 0)
+          s.label = x.y() > border - 1e-9 && o.enamel > 0 ? Tissue::kEnamel : Tissue::kDentin;
         return s;
       },
       true);

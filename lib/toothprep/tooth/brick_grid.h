@@ -1,11 +1,11 @@
 // A sparse voxel grid for the 1 kHz step: 8³ bricks in one pool behind a flat table over the box.
 //
-// The layout inside a brick is that of an OpenVDB leaf (offset = x << 6 | y << 3 | z) and bricks are
-// aligned to multiples of 8 voxels, so that a brick becomes a LeafNode by one copy. Uniform bricks are
-// not stored: they are entries that point to a shared constant brick. Reads therefore never branch on
-// "is this a tile". Writing into a uniform brick takes a brick from the pool; reserve() before a
-// session, and the step never allocates. The pool's memory is committed by the system when it is first
-// touched, so a generous reserve costs address space only.
+// The layout inside a brick is that of an OpenVDB leaf (offset = x << 6 | y << 3 | z) and bricks
+// are aligned to multiples of 8 voxels, so that a brick becomes a LeafNode by one copy. Uniform
+// bricks are not stored: they are entries that point to a shared constant brick. Reads therefore
+// never branch on "is this a tile". Writing into a uniform brick takes a brick from the pool;
+// reserve() before a session, and the step never allocates. The pool's memory is committed by the
+// system when it is first touched, so a generous reserve costs address space only.
 //
 // Why not OpenVDB in the step: tests/tooth/bench_brick_grid.cpp measures both for the trilinear
 // look-up of the step; the figures stand in this folder's README.
@@ -38,8 +38,8 @@ class BrickGrid {
   BrickGrid() = default;
 
   // A grid over bricks [first_brick, first_brick + brick_counts) (in units of 8 voxels), everywhere
-  // `background`, which is also the value outside the box. `constants` are further values that whole
-  // bricks may take without storage.
+  // `background`, which is also the value outside the box. `constants` are further values that
+  // whole bricks may take without storage.
   BrickGrid(const Index3& first_brick, const Index3& brick_counts, T background,
             const std::vector<T>& constants = {})
       : first_(first_brick), counts_(brick_counts) {

@@ -167,9 +167,8 @@ template <class T>
 void hash_grid(Sha256& hash, const BrickGrid<T>& grid) {
   for (std::size_t b = 0; b < grid.table_size(); ++b) {
     const T* values = grid.brick(b);
-    const bool uniform =
-        grid.is_uniform(b) || std::all_of(values, values + kBrickVoxels,
-                                          [&](T v) { return v == values[0]; });
+    const bool uniform = grid.is_uniform(b) || std::all_of(values, values + kBrickVoxels,
+                                                           [&](T v) { return v == values[0]; });
     if (uniform && values[0] == grid.background()) continue;
     const Index3 first = grid.brick_origin(b);
     hash.update(first.data(), sizeof(int) * 3);

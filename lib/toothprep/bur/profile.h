@@ -1,0 +1,62 @@
+// The outline of a solid of revolution in the half plane (r, z), r >= 0, mm: lines and circular
+// arcs, and the integrals along them that have a closed form.
+#pragma once
+
+#include <vector>
+
+namespace toothprep {
+
+// One piece of the profile, run from the tip upwards along the outline with the solid to the left:
+// for the direction of travel (dr, dz) the outward normal is (dz, -dr). A straight line, or a
+// circular arc about `centre`: convex arcs run counter-clockwise in (r, z), concave ones clockwise,
+// so the two ends and the centre say which of the circle's two arcs is meant.
+struct ProfilePiece {
+  enum class Kind { kLine, kArc } kind = Kind::kLine;
+  double r0 = 0, z0 = 0, r1 = 0, z1 = 0;  // end points
+  double centre_r = 0, centre_z = 0;      // arcs only
+  bool convex = true;                     // arcs only: the solid lies on the centre's side
+  bool grinds = true;                     // false for the disc that closes the head at the shank
+};
+
+// Shorthands for building profiles.
+ProfilePiece line_piece(double r0, double z0, double r1, double z1, bool grinds = true);
+ProfilePiece arc_piece(double r0, double z0, double r1, double z1, double centre_r, double centre_z,
+                       bool convex = true, bool grinds = true);
+
+// An arc's radius in mm, the angle of its start about the centre, and the signed angle it sweeps,
+// rad: in (0, 2 pi) if convex, in (-2 pi, 0) if concave.
+struct ArcSpan {
+  double radius, start, sweep;
+};
+ArcSpan arc_span(const ProfilePiece& arc);
+
+struct ProfilePoint {
+  double r, z;              // mm
+  double along_r, along_z;  // unit direction of travel; the outward normal is (along_z, -along_r)
+};
+// The point at `fraction` (0 to 1) of the piece's length.
+ProfilePoint point_on(const ProfilePiece& piece, double fraction);
+
+struct ProfileBounds {
+  double r_min, r_max, z_min, z_max;
+};
+ProfileBounds bounds_of(const ProfilePiece& piece);
+
+double length_of(const ProfilePiece& piece);  // mm
+// Area of the surface that the part between two fractions of the length sweeps about the axis,
+// mm^2: 2 pi integral of r dl.
+double swept_area(const ProfilePiece& piece, double from = 0, double to = 1);
+// The piece's share of the volume of the solid, mm^3: pi integral of r^2 dz.
+double swept_volume(const ProfilePiece& piece);
+// The piece's share of the area that the closed outline encloses in the half plane, mm^2: integral
+// of r dz.
+double enclosed_area(const ProfilePiece& piece);
+
+// Throws Error naming the piece and the violated condition unless the outline runs from the tip at
+// (0, 0) to the axis at the other end, without gaps or self-crossing, solid to the left, within r
+// <= 10 mm and 0 <= z <= 50 mm. Returns the outline with joints made exact: ends that differ by
+// less than 1e-6 mm are merged, and an arc's centre within 1e-3 mm of the bisector of its ends is
+// moved onto it.
+std::vector<ProfilePiece> checked_outline(std::vector<ProfilePiece> pieces);
+
+}  // namespace toothprep

@@ -1,0 +1,210 @@
+// The distance function against definitions: nearest point of a densely sampled outline, winding
+// number, gradient.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "bur_cases.h"
+
+namespace toothprep {
+namespace {
+
+using testing::all_burs;
+using testing::Random;
+using units::kPi;
+
+struct Sampled {
+  std::vector<double> r, z;
+  double spacing = 0;            // largest distance of successive samples
+  double smallest_radius = 1e9;  // of the arcs
+};
+
+Sampled sample(const Bur& bur, int per_piece) {
+  Sampled s;
+  for (const ProfilePiece& piece : bur.profile()) {
+    for (int i = 0; i <= per_piece; ++i) {
+      const ProfilePoint p = point_on(piece, static_cast<double>(i) / per_piece);
+      s.r.push_back(p.r);
+      s.z.push_back(p.z);
+    }
+    s.spacing = std::max(s.spacing, length_of(piece) / per_piece);
+    if (piece.kind == ProfilePiece::Kind::kArc)
+      s.smallest_radius = std::min(s.smallest_radius, arc_span(piece).radius);
+  }
+  return s;
+}
+
+// Turns of the sampled outline, closed along the axis, about a point.
+double winding(const Sampled& s, double r, double z) {
+  double turns = 0;
+  for (std::size_t i = 0; i < s.r.size(); ++i) {
+    const std::size_t j = (i + 1) % s.r.size();
+    const double ar = s.r[i] - r, az = s.z[i] - z, br = s.r[j] - r, bz = s.z[j] - z;
+    turns += std::atan2(ar * bz - az * br, ar * br + az * bz);
+  }
+  return turns / (2 * kPi);
+}
+
+TEST(BurDistance, IsTheDistanceToTheNearestOfADenseSampleOfTheOutline) {
+  for (const Bur& bur : all_burs()) {
+    const Sampled s = sample(bur, 2000);
+    Random random(1);
+    for (int k = 0; k < 100; ++k) {
+      const double r = random.within(0, bur.max_radius() + 1);
+      const double z = random.within(-1, bur.head_length() + 1);
+      double nearest = 1e300;
+      for (std::size_t i = 0; i < s.r.size(); ++i)
+        nearest = std::min(nearest, std::hypot(s.r[i] - r, s.z[i] - z));
+      const double d = std::abs(bur.distance(r, z));
+      // The nearest point has a sample within half a spacing along the outline. On a line that
+      // lengthens the distance to sqrt(d^2 + s^2), on an arc of radius rho to sqrt(d^2 + (1 + d /
+      // rho) s^2) at most.
+      const double half = 0.5 * s.spacing;
+      EXPECT_LE(d, nearest + 1e-9) << bur.name() << " at " << r << ", " << z;
+      EXPECT_GE(d, std::sqrt(std::max(
+                       0.0, nearest * nearest - (1 + nearest / s.smallest_radius) * half * half)) -
+                       1e-9)
+          << bur.name() << " at " << r << ", " << z;
+    }
+  }
+}
+
+TEST(BurDistance, IsNegativeWhereTheOutlineWindsAroundThePoint) {
+  for (const Bur& bur : all_burs()) {
+    const Sampled s = sample(bur, 300);
+    Random random(2);
+    for (int k = 0; k < 150; ++k) {
+      const double r = random.within(1e-6, bur.max_radius() + 0.3);
+      const double z = random.within(-0.3, bur.head_length() + 0.3);
+      const double d = bur.distance(r, z);
+      if (std::abs(d) < 1e-3) continue;  // the sampled polygon cuts its arcs' corners
+      const bool inside = winding(s, r, z) > 0.5;
+      EXPECT_EQ(d < 0, inside) << bur.name() << " at " << r << ", " << z;
+    }
+  }
+}
+
+TEST(BurDistance, SignHoldsAtTheHeightsOfTheJointsAndOnTheAxis) {
+  // There a ray from the point passes through a corner: the classical failure of crossing tests.
+  for (const Bur& bur : all_burs()) {
+    const Sampled s = sample(bur, 300);
+    std::vector<double> heights;
+    for (const ProfilePiece& piece : bur.profile()) {
+      heights.push_back(piece.z1);
+      if (piece.kind == ProfilePiece::Kind::kArc)
+        for (const double side : {-1.0, 0.0, 1.0})
+          heights.push_back(piece.centre_z + side * arc_span(piece).radius);
+    }
+    for (double& z : heights) z = std::clamp(z, -1.0, bur.head_length() + 1);
+    std::sort(heights.begin(), heights.end());
+    heights.erase(std::unique(heights.begin(), heights.end()), heights.end());
+    for (const double z : heights) {
+      for (int i = 0; i <= 20; ++i) {
+        const double r = i * 0.05 * (bur.max_radius() + 0.1);
+        const double d = bur.distance(r, z);
+        if (std::abs(d) < 1e-3) continue;
+        // On the axis the closed outline passes through the point; a hair off it doesn't.
+        EXPECT_EQ(d<0, winding(s, std::max(r, 1e-4), z)> 0.5)
+            << bur.name() << " at " << r << ", " << z;
+        const float fr = static_cast<float>(r), fz = static_cast<float>(z);
+        float fast;
+        bur.distances(&fr, &fz, &fast, 1);
+        EXPECT_NEAR(fast, d, 1e-5) << bur.name() << " at " << r << ", " << z;
+      }
+    }
+  }
+}
+
+TEST(BurDistance, SolvesTheEikonalEquation) {
+  const double h = 1e-5;
+  for (const Bur& bur : all_burs()) {
+    Random random(3);
+    int smooth = 0;
+    for (int k = 0; k < 200; ++k) {
+      const double r = random.within(0.01, bur.max_radius() + 0.5);
+      const double z = random.within(-0.5, bur.head_length() + 0.5);
+      const double d = bur.distance(r, z);
+      const double right = (bur.distance(r + h, z) - d) / h,
+                   left = (d - bur.distance(r - h, z)) / h;
+      const double up = (bur.distance(r, z + h) - d) / h, down = (d - bur.distance(r, z - h)) / h;
+      for (const double slope : {right, left, up, down}) EXPECT_LE(std::abs(slope), 1 + 1e-9);
+      // Where the nearest point jumps (the medial axis) the slopes of the two sides differ.
+      if (std::abs(right - left) > 1e-3 || std::abs(up - down) > 1e-3) continue;
+      ++smooth;
+      EXPECT_NEAR(std::hypot(0.5 * (right + left), 0.5 * (up + down)), 1, 1e-6)
+          << bur.name() << " at " << r << ", " << z;
+    }
+    EXPECT_GT(smooth, 190) << bur.name();
+  }
+}
+
+TEST(BurDistance, IsTheStepTakenAlongTheNormalFromTheSurface) {
+  for (const Bur& bur : all_burs()) {
+    for (const ProfilePiece& piece : bur.profile()) {
+      if (length_of(piece) < 0.05) continue;
+      for (const double fraction : {0.3, 0.5, 0.7}) {
+        const ProfilePoint p = point_on(piece, fraction);
+        EXPECT_NEAR(bur.distance(p.r, p.z), 0, 1e-12) << bur.name();
+        for (const double h : {-0.005, 0.005})
+          EXPECT_NEAR(bur.distance(p.r + h * p.along_z, p.z - h * p.along_r), h, 1e-12)
+              << bur.name() << " piece " << (&piece - bur.profile().data()) << " at " << fraction;
+      }
+    }
+  }
+}
+
+TEST(BurDistance, OfABallIsTheDistanceFromItsCentreLessItsRadius) {
+  const Bur ball = make_bur("ball:D1.2", "");
+  for (const double r : {0.0, 0.1, 0.6, 2.0})
+    for (const double z : {-1.0, 0.0, 0.25, 0.6, 1.2, 3.0})
+      EXPECT_NEAR(ball.distance(r, z), std::hypot(r, z - 0.6) - 0.6, 1e-15);
+}
+
+TEST(BurDistances, AgreeWithTheExactDistanceNearTheSurface) {
+  for (const Bur& bur : all_burs()) {
+    Random random(4);
+    std::vector<float> r, z;
+    while (r.size() < 4000) {
+      const float pr = static_cast<float>(random.within(0, bur.max_radius() + 0.6));
+      const float pz = static_cast<float>(random.within(-0.6, bur.head_length() + 0.6));
+      r.push_back(pr);
+      z.push_back(pz);
+      // and a voxel-like lattice, where points coincide with joints and axis
+      r.push_back(0.1f * static_cast<float>(r.size() % 12));
+      z.push_back(0.1f * static_cast<float>(r.size() / 24 % 80) - 0.5f);
+    }
+    std::vector<float> d(r.size());
+    bur.distances(r.data(), z.data(), d.data(), static_cast<int>(r.size()));
+    double worst = 0, worst_far = 0;
+    for (std::size_t i = 0; i < r.size(); ++i) {
+      const double exact = bur.distance(r[i], z[i]);
+      (std::abs(exact) < 0.5 ? worst : worst_far) =
+          std::max(std::abs(exact) < 0.5 ? worst : worst_far, std::abs(d[i] - exact));
+    }
+    EXPECT_LT(worst, 1e-5) << bur.name();
+    // Farther away, as coordinates up to 10 mm round: some ulps of 1e-6 mm.
+    EXPECT_LT(worst_far, 2e-5) << bur.name();
+  }
+}
+
+TEST(BurDistances, OfAPointDoNotDependOnItsNeighboursOrTheirNumber) {
+  const Bur bur = make_bur("pear:D1.0xL2.0xN0.5", "");
+  constexpr int kMost = 70;
+  std::vector<float> r(kMost), z(kMost), alone(kMost);
+  for (int i = 0; i < kMost; ++i) {
+    r[i] = 0.013f * static_cast<float>(i);
+    z[i] = 0.031f * static_cast<float>(i) - 0.1f;
+    bur.distances(&r[i], &z[i], &alone[i], 1);
+  }
+  for (int n = 0; n <= kMost; ++n) {
+    std::vector<float> d(n + 1, -7.0f);
+    bur.distances(r.data(), z.data(), d.data(), n);
+    for (int i = 0; i < n; ++i) EXPECT_EQ(d[i], alone[i]) << "n " << n << ", i " << i;
+    EXPECT_EQ(d[n], -7.0f) << "wrote beyond n = " << n;
+  }
+}
+
+}  // namespace
+}  // namespace toothprep
