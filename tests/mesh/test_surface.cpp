@@ -214,6 +214,13 @@ TEST(Surface, OfNoiseIsValidInEveryCase) {
   expect_valid(extract_surface(noise, SurfaceOf::kAll));
 }
 
+TEST(Surface, TheJudgeOfTheseTestsFindsIntersections) {
+  TriangleMesh surface = extract_surface(make_block({}), SurfaceOf::kAll);
+  for (std::size_t v = 0; v < surface.vertices.size(); v += 2)
+    surface.vertices[v] += Eigen::Vector3f(0.15F, 0.1F, 0);
+  EXPECT_TRUE(pmp::does_self_intersect(judged(surface)));
+}
+
 TEST(Surface, ClosesAlsoWhereTheSolidReachesTheEdgeOfItsGrid) {
   LayeredTooth tooth = make_empty_tooth({}, Index3::Zero(), Index3::Zero());
   for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) tooth.solid.set_uniform(b, -0.3F);

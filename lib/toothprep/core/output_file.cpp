@@ -22,6 +22,13 @@ OutputFile::OutputFile(std::string path, bool force, bool directory)
   if (fs::is_directory(target, error) != directory_ && fs::exists(target, error))
     throw Error(path_ + (directory_ ? ": is a file; a folder is to be written here"
                                     : ": is a folder; a file is to be written here"));
+  // Replacing a folder removes what is in it: only one that holds nothing but plain files goes, so
+  // that a home or a project named by mistake stays.
+  if (directory_ && fs::is_directory(target, error))
+    for (const auto& entry : fs::directory_iterator(target, error))
+      if (!entry.is_regular_file() || entry.is_symlink())
+        throw Error(path_ + ": holds '" + entry.path().filename().string() +
+                    "', which is no plain file; remove the folder by hand or choose another");
   const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
   if (!fs::is_directory(folder, error))
     throw Error(path_ + ": the folder '" + folder.string() + "' does not exist; create it first");

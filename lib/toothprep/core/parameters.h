@@ -61,9 +61,10 @@ Parameters read_parameters(const std::string& path, const std::string& default_p
 Parameters parse_parameters(const std::string& toml, const std::string& where,
                             const std::string& default_preset = "paper");
 
-// The complete TOML text that parse_parameters turns into the same parameters, bit for bit. A unit's
-// conversion rounds, and a few values are the conversion of no double: those are written in internal
-// units (keys specific_energy_n_per_mm2, bur_mass_t), which readers take beside the usual keys.
+// The complete TOML text that parse_parameters turns into the same parameters, bit for bit. A
+// unit's conversion rounds, and a few values are the conversion of no double: those are written in
+// internal units (keys specific_energy_n_per_mm2, bur_mass_t), which readers take beside the usual
+// keys.
 std::string to_toml(const Parameters& parameters);
 
 }  // namespace toothprep

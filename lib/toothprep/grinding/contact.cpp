@@ -11,16 +11,19 @@ namespace {
 // Elements whose normal is up to this far behind the motion (sine of the angle) are sampled as
 // well, so that the trial velocity may turn by as much without a new sample.
 constexpr float kMarginSine = 0.15f;
+// Elements in contact that lie this close in memory are computed in one run.
+constexpr int kRunGap = 8;
 // Keeps a division defined where the field is flat or meets an element face on, mm.
 constexpr float kLeastExtent = 1e-6f;
 constexpr double kMarginCosine = 0.99;  // a little inside sqrt(1 - 0.15²)
 
-// Written so that it vectorises with SSE2 alone.
-inline float floor_of(float x) {
-  const auto truncated = static_cast<float>(static_cast<int>(x));
-  return truncated - (truncated > x ? 1.0f : 0.0f);
+// The cell of an index coordinate beside the tip's voxel. Cutting towards zero is floor for what is
+// positive, and vectorises with SSE2 alone. The offset costs up to 3e-4 voxel: so close to a border
+// of two cells either serves, since the interpolant is continuous.
+constexpr float kIndexOffset = 4096;  // voxels; a head is shorter
+inline std::int32_t cell_of(float x) {
+  return static_cast<std::int32_t>(x + kIndexOffset) - static_cast<std::int32_t>(kIndexOffset);
 }
-inline int floor_to_int(float x) { return static_cast<int>(floor_of(x)); }
 
 }  // namespace
 
@@ -52,12 +55,13 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
     ct_[k] = static_cast<float>(ct);
     cn_[k] = static_cast<float>(ct / tissue[k].force_ratio);
   }
-  for (auto* array :
-       {&mx_, &my_, &mz_, &curvature_, &fx_, &fy_, &fz_, &covered_, &along_t_, &along_n_})
+  for (auto* array : {&mx_, &my_, &mz_, &curvature_, &fx_, &fy_, &fz_, &covered_, &contact_.nx,
+                      &contact_.ny, &contact_.nz, &contact_.mx, &contact_.my, &contact_.mz,
+                      &contact_.qx, &contact_.qy, &contact_.qz, &contact_.torque})
     array->resize(n);
-  for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_, &contacts_}) array->resize(n);
+  for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
   for (auto& array : corner_) array.resize(n);
-  share_.resize(n);
+  for (auto& array : contact_.area) array.resize(n);
   const SurfaceElements& e = elements_;
   for (std::size_t i = 0; i < n; ++i) {
     mx_[i] = e.y[i] * e.nz[i] - e.z[i] * e.ny[i];
@@ -147,42 +151,45 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   const int candidates =
       omega.squaredNorm() > 0 ? locate_turning(f, v, omega, reach) : locate_straight(f, v, reach);
 
-  // Pass 2: the cut at the corners of each cell.
+  // Pass 2: the cut at the corners of each cell that isn't all air.
   const LevelSet& cut = workpiece.cut();
+  int near = 0;
   for (int c = 0; c < candidates; ++c) {
     const int i = candidates_[c];
+    const int x = f.base.x() + cell_x_[i], y = f.base.y() + cell_y_[i], z = f.base.z() + cell_z_[i];
+    const std::int64_t brick = cut.brick_index(x, y, z);
+    if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) continue;
     float corners[8];
-    cell_corners(cut, f.base.x() + cell_x_[i], f.base.y() + cell_y_[i], f.base.z() + cell_z_[i],
-                 corners);
+    cell_corners(cut, x, y, z, corners);
     for (int k = 0; k < 8; ++k) corner_[k][i] = corners[k];
+    candidates_[near++] = i;
   }
 
-  // Pass 3: the share of each element that the cut left. Runs over all elements; the others' is not
-  // used.
-  cover(f.a, static_cast<float>(workpiece.voxel() * workpiece.voxel() / 12));
+  // Pass 3: the share of each of them that the cut left. Runs of neighbours go together; the few
+  // elements in between are computed and not used.
+  const auto wall_per_curvature = static_cast<float>(workpiece.voxel() * workpiece.voxel() / 12);
+  for (int c = 0; c < near;) {
+    const int first = candidates_[c];
+    int last = first;
+    while (c < near && candidates_[c] - last <= kRunGap) last = candidates_[c++];
+    cover(f.a, wall_per_curvature, first, last + 1);
+  }
 
   // Pass 4: the tooth's own surface and the tissues, where there are several.
   const LevelSet& solid = workpiece.tooth().solid;
-  std::fill(along_t_.begin(), along_t_.end(), 0.0f);
-  std::fill(along_n_.begin(), along_n_.end(), 0.0f);
   count_ = 0;
-  for (int c = 0; c < candidates; ++c) {
+  for (int c = 0; c < near; ++c) {
     const int i = candidates_[c];
     float covered = covered_[i];
     if (covered <= 0) continue;
     const Index3 cell = f.base + Index3(cell_x_[i], cell_y_[i], cell_z_[i]);
-    const std::int64_t index = cut.brick_index(cell.x(), cell.y(), cell.z());
-    if (index < 0) continue;  // outside the box there is no tissue
-    const auto brick = static_cast<std::size_t>(index);
+    const auto brick = static_cast<std::size_t>(cut.brick_index(cell.x(), cell.y(), cell.z()));
     const std::uint8_t only = workpiece.only_tissue(brick);
 
-    PerTissue<float>& share = share_[i];
-    share = {};
+    PerTissue<float> share{};
     if (only != 0 && workpiece.deep(brick)) {
       share[only - 1] = covered;
-      along_t_[i] = covered * ct_[only - 1] * e.weight[i];
-      along_n_[i] = covered * cn_[only - 1] * e.weight[i];
-      contacts_[count_++] = i;
+      add_contact(i, share);
       continue;
     }
     // How far the sample lies ahead of the skin, in index space.
@@ -205,15 +212,31 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
       tissue_shares(workpiece, brick, cell, fx_[i], fy_[i], fz_[i], i, a, ox, oy, oz, share);
       for (float& k : share) k *= covered;
     }
-    float t = 0, nn = 0;
-    for (int k = 0; k < kTissueCount; ++k) {
-      t += share[k] * ct_[k];
-      nn += share[k] * cn_[k];
-    }
-    along_t_[i] = t * e.weight[i];
-    along_n_[i] = nn * e.weight[i];
-    contacts_[count_++] = i;
+    add_contact(i, share);
   }
+}
+
+void ContactModel::add_contact(int i, const PerTissue<float>& share) noexcept {
+  const SurfaceElements& e = elements_;
+  float t = 0, m = 0;
+  for (int k = 0; k < kTissueCount; ++k) {
+    t += share[k] * ct_[k];
+    m += share[k] * cn_[k];
+    contact_.area[k][count_] = share[k] * e.area[i];
+  }
+  t *= e.weight[i];
+  m *= e.weight[i];
+  contact_.nx[count_] = e.nx[i];
+  contact_.ny[count_] = e.ny[i];
+  contact_.nz[count_] = e.nz[i];
+  contact_.mx[count_] = mx_[i];
+  contact_.my[count_] = my_[i];
+  contact_.mz[count_] = mz_[i];
+  contact_.qx[count_] = t * e.tx[i] - m * e.nx[i];
+  contact_.qy[count_] = t * e.ty[i] - m * e.ny[i];
+  contact_.qz[count_] = -m * e.nz[i];
+  contact_.torque[count_] = t * e.radius[i];
+  ++count_;
 }
 
 // Pass 1 with one velocity for all elements.
@@ -236,11 +259,11 @@ int ContactModel::locate_straight(const IndexFrame& f, const Vec3& v, double rea
     const float ix = bx + a[0] * x[i] + a[1] * y[i] + a[2] * z[i];
     const float iy = by + a[3] * x[i] + a[4] * y[i] + a[5] * z[i];
     const float iz = bz + a[6] * x[i] + a[7] * y[i] + a[8] * z[i];
-    const float wx = floor_of(ix), wy = floor_of(iy), wz = floor_of(iz);
-    cx[i] = static_cast<std::int32_t>(wx);
-    cy[i] = static_cast<std::int32_t>(wy);
-    cz[i] = static_cast<std::int32_t>(wz);
-    fx[i] = ix - wx, fy[i] = iy - wy, fz[i] = iz - wz;
+    const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
+    cx[i] = jx, cy[i] = jy, cz[i] = jz;
+    fx[i] = ix - static_cast<float>(jx);
+    fy[i] = iy - static_cast<float>(jy);
+    fz[i] = iz - static_cast<float>(jz);
   }
   const float threshold = -kMarginSine * static_cast<float>(speed);
   int candidates = 0;
@@ -270,7 +293,7 @@ int ContactModel::locate_turning(const IndexFrame& f, const Vec3& v, const Vec3&
     const float ix = f.fx + a[0] * x + a[1] * y + a[2] * z;
     const float iy = f.fy + a[3] * x + a[4] * y + a[5] * z;
     const float iz = f.fz + a[6] * x + a[7] * y + a[8] * z;
-    cell_x_[i] = floor_to_int(ix), cell_y_[i] = floor_to_int(iy), cell_z_[i] = floor_to_int(iz);
+    cell_x_[i] = cell_of(ix), cell_y_[i] = cell_of(iy), cell_z_[i] = cell_of(iz);
     fx_[i] = ix - static_cast<float>(cell_x_[i]);
     fy_[i] = iy - static_cast<float>(cell_y_[i]);
     fz_[i] = iz - static_cast<float>(cell_z_[i]);
@@ -282,9 +305,8 @@ int ContactModel::locate_turning(const IndexFrame& f, const Vec3& v, const Vec3&
 
 // Pass 3: trilinear value of the cut, less the wall's interpolation error, against the element's
 // extent along the field's gradient.
-void ContactModel::cover(const float* a, float wall_per_curvature) noexcept {
+void ContactModel::cover(const float* a, float wall_per_curvature, int begin, int end) noexcept {
   const SurfaceElements& e = elements_;
-  const int n = static_cast<int>(e.size());
   const float *c0 = corner_[0].data(), *c1 = corner_[1].data(), *c2 = corner_[2].data(),
               *c3 = corner_[3].data(), *c4 = corner_[4].data(), *c5 = corner_[5].data(),
               *c6 = corner_[6].data(), *c7 = corner_[7].data();
@@ -295,7 +317,7 @@ void ContactModel::cover(const float* a, float wall_per_curvature) noexcept {
   const float* curvature = curvature_.data();
   float* covered = covered_.data();
 #pragma omp simd
-  for (int i = 0; i < n; ++i) {
+  for (int i = begin; i < end; ++i) {
     const FieldSample s =
         sample_cell(c0[i], c1[i], c2[i], c3[i], c4[i], c5[i], c6[i], c7[i], fx[i], fy[i], fz[i]);
     // Gradient in B (mm/mm): the columns of a are the axes of B in index space, over the voxel
@@ -318,14 +340,13 @@ bool ContactModel::covers(const Vec3& v) const noexcept {
 }
 
 GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const noexcept {
-  const SurfaceElements& e = elements_;
-  const int n = static_cast<int>(e.size());
+  const int n = count_;
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
-  const float *nx = e.nx.data(), *ny = e.ny.data(), *nz = e.nz.data();
-  const float *tx = e.tx.data(), *ty = e.ty.data(), *radius = e.radius.data();
-  const float *mx = mx_.data(), *my = my_.data(), *mz = mz_.data();
-  const float *along_t = along_t_.data(), *along_n = along_n_.data();
+  const float *nx = contact_.nx.data(), *ny = contact_.ny.data(), *nz = contact_.nz.data();
+  const float *mx = contact_.mx.data(), *my = contact_.my.data(), *mz = contact_.mz.data();
+  const float *qx = contact_.qx.data(), *qy = contact_.qy.data(), *qz = contact_.qz.data();
+  const float* p = contact_.torque.data();
   float b00 = 0, b01 = 0, b02 = 0, b10 = 0, b11 = 0, b12 = 0, b20 = 0, b21 = 0, b22 = 0;
   float t0 = 0, t1 = 0, t2 = 0;
   std::int32_t advancing = 0, places = 0;
@@ -333,15 +354,15 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
                                places)
   for (int i = 0; i < n; ++i) {
     const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
-    const float t = s > 0 ? along_t[i] : 0, m = s > 0 ? along_n[i] : 0;
-    const float x = t * tx[i] - m * nx[i], y = t * ty[i] - m * ny[i], z = -m * nz[i];
-    const float torque = t * radius[i];
+    const bool advances = s > 0;
+    const float x = advances ? qx[i] : 0, y = advances ? qy[i] : 0, z = advances ? qz[i] : 0;
+    const float torque = advances ? p[i] : 0;
     b00 += x * nx[i], b01 += x * ny[i], b02 += x * nz[i];
     b10 += y * nx[i], b11 += y * ny[i], b12 += y * nz[i];
     b20 += z * nx[i], b21 += z * ny[i], b22 += z * nz[i];
     t0 += torque * nx[i], t1 += torque * ny[i], t2 += torque * nz[i];
-    advancing += m > 0 ? 1 : 0;
-    places += m > 0 ? i : 0;
+    advancing += advances ? 1 : 0;
+    places += advances ? i : 0;
   }
   GrindingResponse r;
   r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
@@ -354,11 +375,9 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
     for (int i = 0; i < n; ++i) {
       const float turn = mx[i] * ox + my[i] * oy + mz[i] * oz;
       const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + turn;
-      const float t = s > 0 ? along_t[i] * turn : 0, m = s > 0 ? along_n[i] * turn : 0;
-      f0 += t * tx[i] - m * nx[i];
-      f1 += t * ty[i] - m * ny[i];
-      f2 -= m * nz[i];
-      torque0 += t * radius[i];
+      const float w = s > 0 ? turn : 0;
+      f0 += w * qx[i], f1 += w * qy[i], f2 += w * qz[i];
+      torque0 += w * p[i];
     }
     r.f0 = Vec3(f0, f1, f2);
     r.t0 = torque0;
@@ -367,22 +386,18 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
 }
 
 PerTissue<double> ContactModel::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
-  const SurfaceElements& e = elements_;
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   PerTissue<float> sum{};
-  for (int c = 0; c < count_; ++c) {
-    const int i = contacts_[c];
-    const float s = e.nx[i] * vf.x() + e.ny[i] * vf.y() + e.nz[i] * vf.z() + mx_[i] * of.x() +
-                    my_[i] * of.y() + mz_[i] * of.z();
-    const float area = s > 0 ? e.area[i] : 0;
-    for (int k = 0; k < kTissueCount; ++k) sum[k] += area * share_[i][k];
+  for (int i = 0; i < count_; ++i) {
+    const float s = contact_.nx[i] * vf.x() + contact_.ny[i] * vf.y() + contact_.nz[i] * vf.z() +
+                    contact_.mx[i] * of.x() + contact_.my[i] * of.y() + contact_.mz[i] * of.z();
+    for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? contact_.area[k][i] : 0;
   }
   PerTissue<double> area{};
   for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k];
   return area;
 }
 
-// By geometry alone: tissue that costs no energy is in the way all the same.
 bool ContactModel::any_advances(const Vec3& v, const Vec3& omega) const noexcept {
   const PerTissue<double> area = advancing_area(v, omega);
   return std::any_of(area.begin(), area.end(), [](double a) { return a > 0; });
@@ -398,8 +413,8 @@ double shank_contact_area(const SurfaceElements& shank, const Workpiece& workpie
     const float x = f.fx + a[0] * shank.x[i] + a[1] * shank.y[i] + a[2] * shank.z[i];
     const float y = f.fy + a[3] * shank.x[i] + a[4] * shank.y[i] + a[5] * shank.z[i];
     const float z = f.fz + a[6] * shank.x[i] + a[7] * shank.y[i] + a[8] * shank.z[i];
-    const Index3 v(f.base.x() + floor_to_int(x + 0.5f), f.base.y() + floor_to_int(y + 0.5f),
-                   f.base.z() + floor_to_int(z + 0.5f));
+    const Index3 v(f.base.x() + cell_of(x + 0.5f), f.base.y() + cell_of(y + 0.5f),
+                   f.base.z() + cell_of(z + 0.5f));
     if (workpiece.tooth().solid.value(v.x(), v.y(), v.z()) < 0 &&
         workpiece.cut().value(v.x(), v.y(), v.z()) < 0)
       area += shank.area[i];

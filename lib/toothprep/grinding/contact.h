@@ -88,7 +88,8 @@ class ContactModel {
   int locate_straight(const IndexFrame& frame, const Vec3& v, double reach) noexcept;
   int locate_turning(const IndexFrame& frame, const Vec3& v, const Vec3& omega,
                      double reach) noexcept;
-  void cover(const float* to_index, float wall_per_curvature) noexcept;
+  void cover(const float* to_index, float wall_per_curvature, int begin, int end) noexcept;
+  void add_contact(int i, const PerTissue<float>& share) noexcept;
   // How a surface that the bur didn't cut crosses element i: the share inside of the field, `s` of
   // which is its sample (ox, oy, oz) ahead of the skin in index space, with the element's
   // curvature.
@@ -114,11 +115,13 @@ class ContactModel {
   std::vector<float> covered_;
   std::vector<std::int32_t> candidates_;
   Vec3 sampled_direction_ = Vec3::Zero();
-  // The elements in contact (list), and the coefficients of n_t and n_n in dF (0 elsewhere).
+  // The elements in contact, one after the other: normal, r x n, force per advance (coefficients of
+  // n_t and n_n summed), torque per advance, area per tissue.
   int count_ = 0;
-  std::vector<std::int32_t> contacts_;
-  std::vector<float> along_t_, along_n_;
-  std::vector<PerTissue<float>> share_;
+  struct {
+    std::vector<float> nx, ny, nz, mx, my, mz, qx, qy, qz, torque;
+    PerTissue<std::vector<float>> area;
+  } contact_;
 };
 
 // Area of the shank in contact with tissue, mm²: reported only.

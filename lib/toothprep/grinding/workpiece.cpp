@@ -77,7 +77,7 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
     for (int y = 0; y < n.y(); ++y)
       for (int z = 0; z < n.z(); ++z, ++b) {
         unsigned tissues = 0;
-        bool deep = true;
+        bool deep = true, air = true;
         for (int c = 0; c < 8; ++c) {
           const int nx = std::min(x + (c >> 2), n.x() - 1),
                     ny = std::min(y + ((c >> 1) & 1), n.y() - 1),
@@ -85,11 +85,13 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
           const std::size_t at = (static_cast<std::size_t>(nx) * n.y() + ny) * n.z() + nz;
           tissues |= present[at];
           deep = deep && solid.is_uniform(at) && solid.uniform_value(at) < 0;
+          air = air && solid.is_uniform(at) && solid.uniform_value(at) > 0;
         }
         tissues &= ~1u;  // air
         for (int label = 1; label <= kTissueCount; ++label)
           if (tissues == 1u << label) cells_[b].only_tissue = static_cast<std::uint8_t>(label);
         cells_[b].deep = deep;
+        cells_[b].air = air;
       }
 }
 

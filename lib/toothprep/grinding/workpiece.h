@@ -36,6 +36,7 @@ class Workpiece {
   // in the tooth than the band.
   std::uint8_t only_tissue(std::size_t brick) const { return cells_[brick].only_tissue; }
   bool deep(std::size_t brick) const { return cells_[brick].deep; }
+  bool air(std::size_t brick) const { return cells_[brick].air; }
 
   // What remains: max(tooth, cut).
   LevelSet remaining_solid() const;
@@ -44,6 +45,7 @@ class Workpiece {
   struct CellsOfBrick {
     std::uint8_t only_tissue = 0;
     bool deep = false;
+    bool air = false;
   };
   const LayeredTooth& tooth_;
   float band_;

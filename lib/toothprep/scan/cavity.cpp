@@ -12,8 +12,8 @@ double smallest_cavity(double blur) { return 8 * std::pow(blur, 3); }  // voxels
 
 }  // namespace
 
-Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& classes,
-                   double blur, double margin) {
+Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& classes, double blur,
+                   double margin) {
   const std::size_t n = box.voxels();
   const double wall_grey = std::max(classes.threshold_dentin,
                                     classes.dentin - 0.4 * (classes.dentin - classes.below_dentin));
@@ -81,8 +81,7 @@ Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& cla
         }
     std::size_t kept_voxels = 0;
     for (std::size_t part = 0; part < parts.count(); ++part) {
-      keep[part] = keep[part] &&
-                   static_cast<double>(parts.voxels[part]) >= smallest_cavity(blur) &&
+      keep[part] = keep[part] && static_cast<double>(parts.voxels[part]) >= smallest_cavity(blur) &&
                    2 * dentin_walls[part] >= walls[part];
       if (keep[part]) kept_voxels += parts.voxels[part];
     }

@@ -17,11 +17,11 @@ struct Cavity {
   double border = 0;   // grey of its border: half-way to dentin
 };
 
-// Everything that is dark and inside. A cavity counts if it is closed, or if a ball too thick for its
-// openings fits into it: fissures and furcations are dark and narrow too, but no such ball fits in them
-// without coming from the outside. The ball grows (radii of 0.35 to 1 mm) until it finds a cavity of a
-// pulp's size. `blur`: width of the scan's borders, voxels; `margin`: voxels between the tooth and the box's
-// edge, at least.
+// Everything that is dark and inside. A cavity counts if it is closed, or if a ball too thick for
+// its openings fits into it: fissures and furcations are dark and narrow too, but no such ball fits
+// in them without coming from the outside. The ball grows (radii of 0.35 to 1 mm) until it finds a
+// cavity of a pulp's size. `blur`: width of the scan's borders, voxels; `margin`: voxels between
+// the tooth and the box's edge, at least.
 Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& classes, double blur,
                    double margin);
 

@@ -5,7 +5,9 @@
 
 // Eigen (through image_volume.h) stands before ITK, whose own copy of Eigen shares its include
 // guards.
+#include <fcntl.h>
 #include <gdcmDirectory.h>
+#include <gdcmReader.h>
 #include <gdcmScanner.h>
 #include <gdcmTrace.h>
 #include <itkGDCMImageIO.h>
@@ -16,6 +18,8 @@
 #include <itkMetaImageIO.h>
 #include <itkNiftiImageIO.h>
 #include <itkNrrdImageIO.h>
+#include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <array>
@@ -23,6 +27,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <map>
 #include <set>
 #include <sstream>
@@ -51,6 +56,41 @@ void silence_libraries() {
 }
 
 double voxel_count(const Index3& size) { return size.cast<double>().prod(); }
+
+// MetaIO and the NIfTI library print their complaints unconditionally. While one of these lives,
+// what is printed goes nowhere; the failure itself comes as an exception or is found by the checks
+// below.
+class Silence {
+ public:
+  Silence() {
+    silence_libraries();
+    flush();
+    const int nowhere = open("/dev/null", O_WRONLY);
+    for (int i = 0; i < 2; ++i) {
+      saved_[i] = dup(i + 1);
+      if (nowhere >= 0 && saved_[i] >= 0) dup2(nowhere, i + 1);
+    }
+    if (nowhere >= 0) close(nowhere);
+  }
+  ~Silence() {
+    flush();
+    for (int i = 0; i < 2; ++i)
+      if (saved_[i] >= 0) {
+        dup2(saved_[i], i + 1);
+        close(saved_[i]);
+      }
+  }
+  Silence(const Silence&) = delete;
+  Silence& operator=(const Silence&) = delete;
+
+ private:
+  static void flush() {
+    std::cout.flush();
+    std::cerr.flush();
+    std::fflush(nullptr);
+  }
+  std::array<int, 2> saved_{};  // stdout, stderr
+};
 
 std::string lower(std::string text) {
   std::transform(text.begin(), text.end(), text.begin(),
@@ -96,14 +136,15 @@ struct DataPlace {
   std::string file;   // where the voxels are; empty if that isn't one whole file
   double offset = 0;  // bytes before them
   bool compressed = false;
+  bool deflated = false;  // by zlib or gzip
 };
 
 // ITK's readers allocate what the header says and some only warn when data is short, so the few
 // header fields that tell where the data lies are read here as well.
 DataPlace data_place(const std::string& path, Format format) {
-  DataPlace place{path, 0, false};
+  DataPlace place{path};
   if (format == Format::kNifti) {
-    place.compressed = lower(path).ends_with(".gz");
+    place.compressed = place.deflated = lower(path).ends_with(".gz");
     if (!place.compressed) place.offset = 348;
     return place;
   }
@@ -118,10 +159,13 @@ DataPlace data_place(const std::string& path, Format format) {
     const std::string key = lower(trimmed(text.substr(0, colon)));
     const std::string value = trimmed(text.substr(colon + 1));
     if (format == Format::kNrrd) {
-      if (key == "encoding") place.compressed = lower(value) != "raw";
+      if (key == "encoding") {
+        place.compressed = lower(value) != "raw";
+        place.deflated = lower(value) == "gzip" || lower(value) == "gz";
+      }
       if (key == "data file" || key == "datafile") detached = true, place.file = value;
     } else {
-      if (key == "compresseddata") place.compressed = lower(value) == "true";
+      if (key == "compresseddata") place.compressed = place.deflated = lower(value) == "true";
       if (key == "elementdatafile") {
         if (lower(value) != "local") detached = true, place.file = value;
         break;
@@ -139,6 +183,42 @@ DataPlace data_place(const std::string& path, Format format) {
   return place;
 }
 
+// The readers take what they get of a deflated stream that ends too early. This reads it to its
+// end.
+bool inflates_to(const DataPlace& place, double promised) {
+  std::ifstream in(place.file, std::ios::binary);
+  in.seekg(static_cast<std::streamoff>(place.offset));
+  z_stream stream{};
+  if (inflateInit2(&stream, 15 + 32) != Z_OK) return false;  // zlib or gzip, by its header
+  std::vector<char> packed(1 << 16), plain(1 << 18);
+  double total = 0;
+  int status = Z_OK;
+  const auto fill = [&] {
+    in.read(packed.data(), static_cast<std::streamsize>(packed.size()));
+    stream.next_in = reinterpret_cast<Bytef*>(packed.data());
+    stream.avail_in = static_cast<uInt>(in.gcount());
+    return stream.avail_in > 0;
+  };
+  while (total < promised && (stream.avail_in > 0 || fill())) {
+    stream.next_out = reinterpret_cast<Bytef*>(plain.data());
+    stream.avail_out = static_cast<uInt>(plain.size());
+    status = inflate(&stream, Z_NO_FLUSH);
+    total += static_cast<double>(plain.size() - stream.avail_out);
+    if (status == Z_STREAM_END)
+      inflateReset(&stream);  // gzip files may have several members
+    else if (status != Z_OK)
+      break;
+  }
+  inflateEnd(&stream);
+  return total >= promised;
+}
+
+void check_data_file(const std::string& path, Format format) {
+  const DataPlace place = data_place(path, format);
+  if (!place.file.empty() && !fs::exists(place.file))
+    throw InputError(path, "data file", "'" + place.file + "' does not exist");
+}
+
 void check_bytes(const std::string& path, Format format, const itk::ImageIOBase& io,
                  double voxels) {
   const DataPlace place = data_place(path, format);
@@ -149,10 +229,13 @@ void check_bytes(const std::string& path, Format format, const itk::ImageIOBase&
     throw InputError(path, "data file", "'" + place.file + "' can't be read: " + error.message());
   const double there = std::max(0.0, static_cast<double>(size) - place.offset);
   const double promised = voxels * static_cast<double>(io.GetComponentSize());
-  if (promised > there * (place.compressed ? kMaxDeflateRatio : 1) + (place.compressed ? 1024 : 0))
+  const bool possible =
+      place.compressed ? promised <= there * kMaxDeflateRatio + 1024 : promised <= there;
+  if (!possible || (place.deflated && !inflates_to(place, promised)))
     throw InputError(path, "voxel data",
                      "the header promises " + number(promised) + " bytes, the file holds " +
-                         number(there) + (place.compressed ? " compressed" : ""),
+                         (possible ? "fewer" : number(there)) +
+                         (place.compressed ? " (compressed)" : ""),
                      "the file is truncated or its header is wrong");
 }
 
@@ -201,14 +284,16 @@ void check_values(const std::string& path, const std::vector<float>& values) {
                      "replace them by the grey value of the surroundings");
 }
 
+// The heart of an ITK message: without the class and its address, and of nested ones the last line.
 std::string description(const itk::ExceptionObject& e) {
-  // "ITK ERROR: NrrdImageIO(0x55...): text" -> "text"
-  std::string text = e.GetDescription();
-  const auto mark = text.rfind("): ");
-  if (text.rfind("ITK ERROR", 0) == 0 && mark != std::string::npos) text = text.substr(mark + 3);
+  std::string text = trimmed(e.GetDescription());
+  const auto line = text.rfind('\n');
+  if (line != std::string::npos) text = trimmed(text.substr(line + 1));
+  const auto mark = text.find("): ");
+  if (lower(text).rfind("itk", 0) == 0 && mark != std::string::npos) text = text.substr(mark + 3);
   for (char& c : text)
-    if (c == '\n' || c == '\t') c = ' ';
-  return trimmed(text).substr(0, 300);
+    if (c == '\t' || c == '\r') c = ' ';
+  return text.substr(0, 300);
 }
 
 using FloatImage = itk::Image<float, 3>;
@@ -249,8 +334,10 @@ double nrrd_unit_mm(const std::string& path) {
 }
 
 ImageVolume<float> read_file(const std::string& path, Format format) {
+  check_data_file(path, format);
   const itk::ImageIOBase::Pointer io = io_of(format);
   try {
+    const Silence silence;
     io->SetFileName(path);
     io->ReadImageInformation();
     if (io->GetNumberOfComponents() != 1)
@@ -442,7 +529,37 @@ Series find_series(const std::string& folder) {
   return series;
 }
 
+// Whether the pixel data of an uncompressed slice is all there: GDCM takes what it gets.
+bool pixels_complete(const std::string& file) {
+  const gdcm::Tag pixels(0x7fe0, 0x0010);
+  gdcm::Reader reader;
+  reader.SetFileName(file.c_str());
+  if (!reader.ReadUpToTag(pixels)) return false;
+  const auto& syntax = reader.GetFile().GetHeader().GetDataSetTransferSyntax();
+  if (syntax == gdcm::TransferSyntax::ExplicitVRBigEndian || syntax.IsEncapsulated() ||
+      syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian)
+    return true;  // there GDCM's decoder notices
+  const gdcm::DataSet& data = reader.GetFile().GetDataSet();
+  if (!data.FindDataElement(pixels)) return false;
+  const auto length = static_cast<std::uint32_t>(data.GetDataElement(pixels).GetVL());
+  // The element's place: its tag, in explicit syntax its kind and two bytes, then that length.
+  std::ifstream in(file, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  const std::string tag("\xe0\x7f\x10\x00", 4);
+  for (auto o = bytes.find(tag); o != std::string::npos; o = bytes.find(tag, o + 1)) {
+    const bool named = o + 12 <= bytes.size() && bytes[o + 4] == 'O';
+    const std::size_t at = o + (named ? 8 : 4);
+    if (at + 4 > bytes.size()) return false;
+    std::uint32_t stated = 0;
+    for (std::size_t b = 0; b < 4; ++b)
+      stated |= static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[at + b])) << (8 * b);
+    if (stated == length) return at + 4 + length <= bytes.size();
+  }
+  return true;
+}
+
 ImageVolume<float> read_series(const std::string& folder) {
+  const Silence silence;
   const Series series = find_series(folder);
   ImageVolume<float> volume;
   volume.size = Index3(series.columns, series.rows, static_cast<int>(series.slices.size()));
@@ -463,6 +580,8 @@ ImageVolume<float> read_series(const std::string& folder) {
   volume.data.resize(area * series.slices.size());
   for (std::size_t k = 0; k < series.slices.size(); ++k) {
     const std::string name = fs::path(series.slices[k].file).filename().string();
+    if (!pixels_complete(series.slices[k].file))
+      throw InputError(folder, name, "its pixel data is not complete", "copy the file again");
     try {
       const auto reader = itk::ImageFileReader<FloatImage>::New();
       reader->SetImageIO(itk::GDCMImageIO::New());

@@ -49,8 +49,8 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
 
   const double blur = std::max(1.0, labels.spacing.maxCoeff() / options.voxel);
   const int margin = static_cast<int>(std::ceil(2 * blur)) + 4;
-  const WorkBox box =
-      box_around(ImageFrame(labels), low.cast<double>(), high.cast<double>(), options.voxel, margin);
+  const WorkBox box = box_around(ImageFrame(labels), low.cast<double>(), high.cast<double>(),
+                                 options.voxel, margin);
   const std::size_t n = box.voxels();
 
   // Share of each tissue in every output voxel: the mean of the labels' indicators, linear between
@@ -63,8 +63,8 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
     if (tissue != Tissue::kAir) share[static_cast<std::size_t>(tissue_index(tissue))].resize(n);
   const int points_per_axis =
       std::clamp(static_cast<int>(std::ceil(options.voxel / labels.spacing.minCoeff())), 1, 6);
-  resample(
-      labels, box, points_per_axis,
+  for_each_point_set(
+      ImageFrame(labels), box, points_per_axis,
       [&](std::size_t v, const Vec3& centre, const std::vector<Vec3>& points) {
         std::array<double, kTissueCount + 1> hits{};
         for (const Vec3& p : points) {
@@ -103,49 +103,65 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
     smooth(box.size, field, 0.35 * blur);
     for (std::size_t v = 0; v < n; ++v) sum[v] += field[v];
   }
-  // The largest share takes the voxel. Smoothing takes from thin layers (a lesion in a fissure) and
+  // The largest share takes the place. Smoothing takes from thin layers (a lesion in a fissure) and
   // gives to what is around them, so shares get weights that restore each tissue's volume.
-  std::array<double, kTissueCount> wanted{}, scale;
-  scale.fill(1.0);
+  std::array<double, kTissueCount> wanted{};  // output voxels
   for (const auto& [named, tissue] : tissues)
     if (tissue != Tissue::kAir)
       wanted[static_cast<std::size_t>(tissue_index(tissue))] +=
-          static_cast<double>(histogram[named]) *
-          (labels.spacing / options.voxel).prod();  // in output voxels
-  const auto winner = [&](std::size_t v, float& best, float& second) {
-    std::size_t most = 0;
-    best = -1, second = 0;
-    for (std::size_t t = 0; t < kTissueCount; ++t) {
-      if (share[t].empty()) continue;
-      const float weighted = static_cast<float>(scale[t]) * share[t][v];
-      if (weighted > best) {
-        second = std::max(best, 0.0f);
-        best = weighted;
-        most = t;
-      } else {
-        second = std::max(second, weighted);
-      }
-    }
-    return most;
+          static_cast<double>(histogram[named]) * (labels.spacing / options.voxel).prod();
+  std::array<float, kTissueCount> weight;
+  weight.fill(1.0f);
+  // Positive where the tissue's weighted share is the largest.
+  const auto lead = [&](std::size_t v, std::size_t tissue) {
+    float others = 0;
+    for (std::size_t t = 0; t < kTissueCount; ++t)
+      if (t != tissue && !share[t].empty()) others = std::max(others, weight[t] * share[t][v]);
+    return weight[tissue] * share[tissue][v] - others;
   };
-  constexpr int kPasses = 6;
+  // Volume (voxels) on the positive side of a field within a voxel, from its value and slope there.
+  // (Counting voxels would do for large tissues, but a small one's count jumps as borders cross
+  // centres.)
+  const std::array<std::size_t, 3> stride = {1, static_cast<std::size_t>(box.size.x()),
+                                             static_cast<std::size_t>(box.size.x()) * box.size.y()};
+  const auto part_inside = [&](std::size_t v, const auto& field) {
+    const double here = field(v);
+    double slope = 0;
+    for (const std::size_t d : stride) {
+      const double difference = 0.5 * (field(v + d) - field(v - d));
+      slope += difference * difference;
+    }
+    slope = std::sqrt(slope);
+    return std::abs(here) >= 0.5 * slope ? (here > 0 ? 1.0 : 0.0) : 0.5 + here / slope;
+  };
+  constexpr int kPasses = 8;
+  constexpr double kGoodEnough = 0.002;
   for (int pass = 0; pass < kPasses; ++pass) {
-    std::vector<std::array<std::size_t, kTissueCount>> won(static_cast<std::size_t>(box.size.z()),
-                                                           std::array<std::size_t, kTissueCount>{});
-    box.for_each([&](int, int, int k, std::size_t v) {
-      if (sum[v] <= 0.5f) return;
-      float best, second;
-      ++won[static_cast<std::size_t>(k)][winner(v, best, second)];
+    std::vector<std::array<double, kTissueCount>> by_plane(static_cast<std::size_t>(box.size.z()),
+                                                           std::array<double, kTissueCount>{});
+    box.for_each([&](int i, int j, int k, std::size_t v) {
+      const Index3 index(i, j, k);
+      if (sum[v] < 0.05f || index.minCoeff() == 0 ||
+          (box.size - Index3::Ones() - index).minCoeff() == 0)
+        return;
+      const double solid = part_inside(v, [&](std::size_t u) { return sum[u] - 0.5; });
+      if (solid > 0)
+        for (std::size_t t = 0; t < kTissueCount; ++t)
+          if (!share[t].empty() && share[t][v] > 0)
+            by_plane[static_cast<std::size_t>(k)][t] +=
+                solid * part_inside(v, [&](std::size_t u) { return lead(u, t); });
     });
-    std::array<double, kTissueCount> total{};
-    for (const auto& plane : won)
-      for (std::size_t t = 0; t < kTissueCount; ++t) total[t] += static_cast<double>(plane[t]);
+    std::array<double, kTissueCount> found{};
+    for (const auto& plane : by_plane)
+      for (std::size_t t = 0; t < kTissueCount; ++t) found[t] += plane[t];
     bool done = true;
     for (std::size_t t = 0; t < kTissueCount; ++t) {
-      if (!(total[t] > 0)) continue;
-      done = done && std::abs(total[t] - wanted[t]) < 0.002 * wanted[t];
+      if (!(found[t] > 0)) continue;
+      const double ratio = wanted[t] / found[t];
+      if (std::abs(ratio - 1) < kGoodEnough) continue;
+      done = false;
       // A border moves by far less than the volume of what it bounds; hence the square.
-      scale[t] = std::clamp(scale[t] * std::pow(wanted[t] / total[t], 2), 0.5, 2.0);
+      weight[t] = static_cast<float>(std::clamp(weight[t] * ratio * ratio, 0.5, 2.0));
     }
     if (done) break;
   }
@@ -155,15 +171,16 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
   for (std::size_t t = 0; t < 3; ++t)
     if (!share[t].empty()) fields.tissue[t].resize(n);
   box.for_each([&](int, int, int, std::size_t v) {
-    float best, second;
-    const std::size_t most = winner(v, best, second);
-    fields.label[v] = static_cast<std::uint8_t>(tissue_at(static_cast<int>(most)));
+    std::size_t most = kTissueCount;
+    for (std::size_t t = 0; t < kTissueCount; ++t)
+      if (!share[t].empty() && share[t][v] > 0 &&
+          (most == kTissueCount || weight[t] * share[t][v] > weight[most] * share[most][v]))
+        most = t;
+    if (most < kTissueCount)
+      fields.label[v] = static_cast<std::uint8_t>(tissue_at(static_cast<int>(most)));
     for (std::size_t t = 0; t < 3; ++t)
       if (!fields.tissue[t].empty())
-        fields.tissue[t][v] =
-            signed_as(t == most && best > 0,
-                      (static_cast<float>(scale[t]) * share[t][v] - (t == most ? second : best)) /
-                          (sum[v] + 1e-6f));
+        fields.tissue[t][v] = signed_as(t == most, lead(v, t) / (sum[v] + 1e-6f));
   });
   for (float& s : sum) s = signed_as(s > 0.5f, s - 0.5f);
   for (auto& field : share) Field().swap(field);

@@ -12,6 +12,26 @@
 namespace toothprep {
 namespace {
 
+// Greys on the box's lattice: linear between the scan's voxels, averaged over the output voxel
+// where that is coarser; `outside` beyond the border of the scan's outermost voxels.
+Field resample(const ImageVolume<float>& scan, const WorkBox& box, double outside) {
+  Field grey(box.voxels());
+  const double ratio = box.lattice.voxel / scan.spacing.minCoeff();
+  const int points_per_axis = ratio > 1.25 ? std::min(8, static_cast<int>(std::ceil(ratio))) : 1;
+  const Vec3 last = scan.size.cast<double>() - Vec3::Constant(0.5);
+  for_each_point_set(ImageFrame(scan), box, points_per_axis,
+                     [&](std::size_t v, const Vec3& centre, const std::vector<Vec3>& points) {
+                       double sum = 0;
+                       for (const Vec3& p : points) {
+                         const Vec3 x = centre + p;
+                         const bool in = x.minCoeff() >= -0.5 && (last - x).minCoeff() >= 0;
+                         sum += in ? trilinear(scan.size, scan.data, x) : outside;
+                       }
+                       grey[v] = static_cast<float>(sum / static_cast<double>(points.size()));
+                     });
+  return grey;
+}
+
 // Noise of the surroundings, and the smoothing (in output voxels) that brings it down to a seventh
 // of the half contrasts that decide.
 double smoothing_for(const Field& grey, const GreyClasses& classes, double blur) {
@@ -52,6 +72,135 @@ void clean_islands(const WorkBox& box, const Mask& domain, const Mask& cavity, M
   }
 }
 
+// What lies under the outer surface, for voxels around it.
+struct UnderSurface {
+  Field plateau;  // grey of the tissue here, without the surroundings' share
+  Field cover;    // how much the tissue under the surface is enamel, 0..1
+  Mask near;      // where `cover` is known: both sides of the surface
+};
+
+// Also that far outside, in voxels, so that interfaces between tissues run on through the surface.
+constexpr double kReach = kBandVoxels + 1;
+
+// Below the outer surface greys are mixed with the surroundings': over enamel they pass through
+// dentin's, which by thresholds alone would put a skin of dentin on the enamel. So a voxel takes
+// the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
+// and never under dentin. `depth` is the depth below the surface at voxel accuracy.
+UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Field& depth,
+                                const GreyClasses& classes, double blur) {
+  const std::size_t n = box.voxels();
+  const double skin = 3 * blur;  // depth to which the surroundings shine through
+  UnderSurface under{grey, Field(n, 0.0f), Mask(n, 0)};
+
+  Field level(n);  // whose gradient points inwards
+  const auto far = static_cast<float>(std::max(skin, kReach) + 2 * blur);
+  for (std::size_t v = 0; v < n; ++v) level[v] = std::clamp(depth[v], -far, far);
+  smooth(box.size, level, std::max(1.0, 0.5 * blur));
+
+  const double step = 0.5 * blur;
+  box.for_each([&](int i, int j, int k, std::size_t v) {
+    if (depth[v] <= -kReach || depth[v] >= skin) return;
+    const Index3 index(i, j, k);
+    Vec3 inwards;
+    for (int a = 0; a < 3; ++a) {
+      Index3 p = index, q = index;
+      p[a] = std::max(p[a] - 1, 0);
+      q[a] = std::min(q[a] + 1, box.size[a] - 1);
+      inwards[a] = level[box.offset(q.x(), q.y(), q.z())] - level[box.offset(p.x(), p.y(), p.z())];
+    }
+    if (inwards.squaredNorm() > 0) inwards.normalize();
+    const auto at_depth = [&](double s) {
+      return trilinear(box.size, grey, index.cast<double>() + inwards * (s - depth[v]));
+    };
+    float brightest = depth[v] >= 0 ? grey[v] : at_depth(0);
+    for (double s = std::max<double>(depth[v], 0) + step; s < skin + 0.5 * step; s += step)
+      brightest = std::max(brightest, at_depth(s));
+    under.plateau[v] = brightest;
+    if (depth[v] > 1.5 * blur) return;
+    for (double s = 0; s < depth[v]; s += step) brightest = std::max(brightest, at_depth(s));
+    under.near[v] = 1;
+    under.cover[v] = static_cast<float>(
+        std::clamp((brightest - classes.dentin) / (classes.enamel - classes.dentin), 0.0, 1.0));
+  });
+
+  // A smooth transition at the cervix.
+  Field weight(under.near.begin(), under.near.end());
+  smooth(box.size, under.cover, blur);
+  smooth(box.size, weight, blur);
+  for (std::size_t v = 0; v < n; ++v)
+    under.cover[v] = weight[v] > 1e-3f ? under.cover[v] / weight[v] : 0.0f;
+  return under;
+}
+
+// Zero where the grey is half-way between the surroundings and the tissue underneath.
+Field solid_field(const WorkBox& box, const Field& grey, const Mask& rough, const Cavity& cavity,
+                  const UnderSurface& under, const GreyClasses& classes) {
+  const double over_dentin = classes.threshold_dentin;
+  const double over_enamel = std::max(over_dentin, 0.5 * (classes.surroundings + classes.enamel));
+  const double contrast = classes.dentin - classes.surroundings;
+  Field field(box.voxels());
+  Mask solid(box.voxels());
+  for (std::size_t v = 0; v < field.size(); ++v) {
+    const bool in_cavity = !cavity.mask.empty() && cavity.mask[v];
+    float value = rough[v] ? 0.5f : -0.5f;
+    if (under.near[v]) {
+      const double border = over_dentin + under.cover[v] * (over_enamel - over_dentin);
+      value = static_cast<float>(std::clamp((grey[v] - border) / contrast, -1.0, 1.0));
+    }
+    // At an open apex the solid ends where the ball from the outside does.
+    if (in_cavity)
+      value = static_cast<float>(std::min(0.5, 0.5 * (cavity.from_outside[v] - cavity.ball)));
+    field[v] = signed_as(rough[v] && (value > 0 || in_cavity), value);
+    solid[v] = field[v] > 0;
+  }
+  keep_largest_component(box.size, solid);
+  fill_enclosed(box.size, solid);
+  for (std::size_t v = 0; v < field.size(); ++v) field[v] = signed_as(solid[v], field[v]);
+  return field;
+}
+
+// The tissues against each other, by their greys without the surroundings' share.
+void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth,
+                       const Cavity& cavity, const UnderSurface& under, const GreyClasses& classes,
+                       ToothFields& fields) {
+  const std::size_t n = box.voxels();
+  Mask solid(n), domain(n), enamel(n);
+  for (std::size_t v = 0; v < n; ++v) {
+    solid[v] = fields.solid[v] > 0;
+    domain[v] = depth[v] > -kReach;
+    enamel[v] = domain[v] && under.plateau[v] > classes.threshold_enamel;
+  }
+  // First in the solid alone, where an island can't hide behind its connection through the outside.
+  clean_islands(box, solid, cavity.mask, enamel);
+  clean_islands(box, domain, cavity.mask, enamel);
+
+  const auto scaled = [](double difference, double contrast) {
+    return static_cast<float>(std::clamp(difference / contrast, -0.5, 0.5));
+  };
+  const bool has_pulp = !cavity.mask.empty();
+  fields.label.resize(n);
+  fields.tissue[0].resize(n);
+  fields.tissue[1].resize(n);
+  if (has_pulp) fields.tissue[2].resize(n);
+  for (std::size_t v = 0; v < n; ++v) {
+    // Potentials against dentin, whose own is zero.
+    const bool in_pulp = has_pulp && cavity.mask[v];
+    const float e = signed_as(
+        enamel[v] && !in_pulp,
+        scaled(under.plateau[v] - classes.threshold_enamel, classes.enamel - classes.dentin));
+    fields.tissue[0][v] = e;
+    fields.tissue[1][v] = -e;
+    fields.label[v] = static_cast<std::uint8_t>(e > 0 ? Tissue::kEnamel : Tissue::kDentin);
+    if (!has_pulp) continue;
+    const float p =
+        signed_as(in_pulp, scaled(cavity.border - grey[v], classes.dentin - cavity.grey));
+    if (in_pulp) fields.tissue[0][v] = -p;
+    fields.tissue[1][v] = -std::max(e, p);
+    fields.tissue[2][v] = p;
+    if (in_pulp) fields.label[v] = static_cast<std::uint8_t>(Tissue::kPulp);
+  }
+}
+
 }  // namespace
 
 LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
@@ -61,168 +210,56 @@ LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions
   };
   tell("finding the tooth", 0);
   const GreyClasses classes = find_grey_classes(scan, options.thresholds);
-  VoxelizeReport found;
-  found.threshold_dentin = classes.threshold_dentin;
-  found.threshold_enamel = classes.threshold_enamel;
-  found.surroundings = classes.surroundings;
-  found.dentin = classes.dentin;
-  found.enamel = classes.enamel;
-  if (classes.touches_edge)
-    found.notes.push_back(
-        "the tooth reaches the border of the scan; it is cut off there by a flat face");
-
-  Lengths lengths;
-  lengths.blur = std::max(1.0, scan.spacing.maxCoeff() / options.voxel);
-  lengths.skin = 3 * lengths.blur;
-  for (const double mm : {0.35, 0.5, 0.75, 1.0})
-    lengths.canals.push_back(std::max(2 * lengths.blur, mm / options.voxel));
-  const int margin = static_cast<int>(std::ceil(lengths.blur)) + 4;
-  lengths.margin = margin;
-  const WorkBox box = box_around(scan, classes.box_min, classes.box_max, options.voxel, margin);
-  const std::size_t n = box.voxels();
+  // The width of the scan's borders, in output voxels: a voxel of the scan, or of the output where
+  // that is coarser.
+  const double blur = std::max(1.0, scan.spacing.maxCoeff() / options.voxel);
+  const int margin = static_cast<int>(std::ceil(blur)) + static_cast<int>(kReach);
+  const WorkBox box =
+      box_around(ImageFrame(scan), classes.box_min, classes.box_max, options.voxel, margin);
 
   tell("resampling", 0.1);
-  Field grey(n);
-  {
-    const double ratio = options.voxel / scan.spacing.minCoeff();
-    const int points_per_axis = ratio > 1.25 ? std::min(8, static_cast<int>(std::ceil(ratio))) : 1;
-    const auto outside = static_cast<float>(classes.surroundings);
-    resample(scan, box, points_per_axis,
-             [&](std::size_t v, const Vec3& centre, const std::vector<Vec3>& points) {
-               double sum = 0;
-               for (const Vec3& p : points) sum += trilinear(scan, centre + p, outside);
-               grey[v] = static_cast<float>(sum / static_cast<double>(points.size()));
-             });
-  }
-  smooth(box.size, grey, smoothing_for(grey, classes, lengths.blur));
+  Field grey = resample(scan, box, classes.surroundings);
+  smooth(box.size, grey, smoothing_for(grey, classes, blur));
 
   tell("finding the pulp", 0.3);
-  const Cavity cavity = find_cavity(box, grey, classes, lengths);
-  const bool has_pulp = !cavity.mask.empty();
-  found.pulp = cavity.grey;
-  if (!has_pulp) found.notes.push_back("no pulp cavity was found inside the dentin");
+  const Cavity cavity = find_cavity(box, grey, classes, blur, margin);
 
   // The solid to a voxel: the largest piece of tissue with its cavities.
-  Mask rough(n);
-  for (std::size_t v = 0; v < n; ++v)
-    rough[v] = grey[v] >= classes.threshold_dentin || (has_pulp && cavity.mask[v]);
+  tell("finding the surface", 0.5);
+  Mask rough(box.voxels());
+  for (std::size_t v = 0; v < rough.size(); ++v)
+    rough[v] = grey[v] >= classes.threshold_dentin || (!cavity.mask.empty() && cavity.mask[v]);
   keep_largest_component(box.size, rough);
   fill_enclosed(box.size, rough);
-  const Field depth = depth_below_surface(box.size, rough);
 
-  // Below the outer surface greys are mixed with the surroundings': over enamel they pass through
-  // dentin's. There a voxel takes the brightest grey on its way inwards, which is that of the
-  // tissue underneath.
-  tell("finding the tissues", 0.5);
-  const double reach =
-      kBandVoxels + 1;    // also that far outside, so that interfaces run on through it
-  Field plateau = grey;   // grey of the tissue here
-  Field weight(n, 0.0f);  // 1 near the surface
-  Field cover(n, 0.0f);   // how much the tissue under the surface is enamel, 0..1
-  {
-    Field level(n);
-    const auto far = static_cast<float>(std::max(lengths.skin, reach) + 2 * lengths.blur);
-    for (std::size_t v = 0; v < n; ++v) level[v] = std::clamp(depth[v], -far, far);
-    smooth(box.size, level, std::max(1.0, 0.5 * lengths.blur));
-    const double step = 0.5 * lengths.blur;
-    box.for_each([&](int i, int j, int k, std::size_t v) {
-      if (depth[v] <= -reach || depth[v] >= lengths.skin) return;
-      const Index3 index(i, j, k);
-      Vec3 inwards;
-      for (int a = 0; a < 3; ++a) {
-        Index3 p = index, q = index;
-        p[a] = std::max(p[a] - 1, 0);
-        q[a] = std::min(q[a] + 1, box.size[a] - 1);
-        inwards[a] =
-            level[box.offset(q.x(), q.y(), q.z())] - level[box.offset(p.x(), p.y(), p.z())];
-      }
-      if (inwards.squaredNorm() > 0) inwards.normalize();
-      const auto at = [&](double s) {
-        return trilinear(box, grey, index.cast<double>() + inwards * (s - depth[v]));
-      };
-      float brightest = depth[v] >= 0 ? grey[v] : at(0);
-      for (double s = std::max<double>(depth[v], 0) + step; s < lengths.skin + 0.5 * step;
-           s += step)
-        brightest = std::max(brightest, at(s));
-      plateau[v] = brightest;
-      if (depth[v] > 1.5 * lengths.blur) return;
-      for (double s = 0; s < depth[v]; s += step) brightest = std::max(brightest, at(s));
-      weight[v] = 1;
-      cover[v] = static_cast<float>(
-          std::clamp((brightest - classes.dentin) / (classes.enamel - classes.dentin), 0.0, 1.0));
-    });
-  }
-
-  // The outer surface lies at the grey half-way between the surroundings and the tissue underneath.
-  smooth(box.size, cover, lengths.blur);
-  {
-    Field near = weight;
-    smooth(box.size, near, lengths.blur);
-    for (std::size_t v = 0; v < n; ++v) cover[v] = near[v] > 1e-3f ? cover[v] / near[v] : 0;
-  }
   ToothFields fields;
-  fields.solid.resize(n);
-  const double over_enamel = 0.5 * (classes.surroundings + classes.enamel);
-  const double contrast = classes.dentin - classes.surroundings;
-  Mask solid(n);
-  for (std::size_t v = 0; v < n; ++v) {
-    const bool in_cavity = has_pulp && cavity.mask[v];
-    const double border =
-        classes.threshold_dentin + cover[v] * std::max(0.0, over_enamel - classes.threshold_dentin);
-    float value = rough[v] ? 0.5f : -0.5f;
-    if (weight[v] > 0)
-      value = static_cast<float>(std::clamp((grey[v] - border) / contrast, -1.0, 1.0));
-    // At an open apex the solid ends where the ball from outside does.
-    if (in_cavity)
-      value = static_cast<float>(std::min(0.5, 0.5 * (cavity.from_outside[v] - cavity.canal)));
-    fields.solid[v] = signed_as(rough[v] && (value > 0 || in_cavity), value);
-    solid[v] = fields.solid[v] > 0;
+  {
+    const Field depth = depth_below_surface(box.size, rough);
+    const UnderSurface under = look_under_surface(box, grey, depth, classes, blur);
+    fields.solid = solid_field(box, grey, rough, cavity, under, classes);
+    tell("separating the tissues", 0.6);
+    add_tissue_fields(box, grey, depth, cavity, under, classes, fields);
   }
-  keep_largest_component(box.size, solid);
-  fill_enclosed(box.size, solid);
-  for (std::size_t v = 0; v < n; ++v) fields.solid[v] = signed_as(solid[v], fields.solid[v]);
-  Mask().swap(rough);
-
-  // Tissues, through the solid and its neighbourhood.
-  tell("separating the tissues", 0.6);
-  Mask domain(n), enamel(n);
-  for (std::size_t v = 0; v < n; ++v) {
-    domain[v] = depth[v] > -reach;
-    enamel[v] = domain[v] && plateau[v] > classes.threshold_enamel;
-  }
-  // First in the solid alone, where an island can't hide behind its connection through the outside.
-  clean_islands(box, solid, cavity.mask, enamel);
-  clean_islands(box, domain, cavity.mask, enamel);
-  fields.label.resize(n);
-  for (auto& field : fields.tissue) field.resize(n);
-  const double pulp_border = 0.5 * (cavity.grey + classes.dentin);
-  const double pulp_contrast = std::max(1e-6 * contrast, classes.dentin - cavity.grey);
-  for (std::size_t v = 0; v < n; ++v) {
-    const bool pulp = has_pulp && cavity.mask[v];
-    // Potentials against dentin, whose own is zero.
-    const float e = signed_as(
-        enamel[v] && !pulp, static_cast<float>(std::clamp((plateau[v] - classes.threshold_enamel) /
-                                                              (classes.enamel - classes.dentin),
-                                                          -0.5, 0.5)));
-    const float p =
-        signed_as(pulp, has_pulp ? static_cast<float>(std::clamp(
-                                       (pulp_border - grey[v]) / pulp_contrast, -0.5, 0.5))
-                                 : -0.5f);
-    fields.tissue[0][v] = pulp ? -p : e;
-    fields.tissue[2][v] = p;
-    fields.tissue[1][v] = -std::max(e, p);
-    fields.label[v] = static_cast<std::uint8_t>(pulp    ? Tissue::kPulp
-                                                : e > 0 ? Tissue::kEnamel
-                                                        : Tissue::kDentin);
-  }
-  for (Field* done : {&grey, &plateau, &weight, &cover}) Field().swap(*done);
+  Field().swap(grey);
 
   tell("measuring distances", 0.7);
   LayeredTooth tooth = tooth_of(box, std::move(fields));
-  tooth.provenance["threshold_dentin"] = number(classes.threshold_dentin);
-  tooth.provenance["threshold_enamel"] = number(classes.threshold_enamel);
+  tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
+  tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
   tell("done", 1);
-  if (report) *report = std::move(found);
+  if (report) {
+    *report = {};
+    report->threshold_dentin = classes.threshold_dentin;
+    report->threshold_enamel = classes.threshold_enamel;
+    report->surroundings = classes.surroundings;
+    report->dentin = classes.dentin;
+    report->enamel = classes.enamel;
+    report->pulp = cavity.grey;
+    if (classes.touches_edge)
+      report->notes.push_back(
+          "the tooth reaches the border of the scan; it is cut off there by a flat face");
+    if (cavity.mask.empty()) report->notes.push_back("no pulp cavity was found inside the dentin");
+  }
   return tooth;
 }
 

@@ -20,7 +20,7 @@ std::string short_number(double value) {
 }
 
 WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
-                double voxel, int margin) {
+                   double voxel, int margin) {
   if (!(voxel > 0 && voxel <= 10))
     throw Error("voxel size must lie in (0, 10] mm, got " + short_number(voxel));
   Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
@@ -34,13 +34,13 @@ WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& i
   const Vec3 extent = high - low;
   const Vec3 count = extent / voxel + Vec3::Constant(2.0 * margin + 2);
   if (!(count.prod() <= kMaxVoxels) || (low / voxel).cwiseAbs().maxCoeff() > 1e8)
-    throw Error("the tooth's box of " + short_number(extent.x()) + " x " + short_number(extent.y()) + " x " +
-                short_number(extent.z()) + " mm holds " + short_number(count.prod()) + " voxels of " +
-                short_number(voxel) + " mm, more than 2^29" +
-                (extent.maxCoeff() > 60
-                     ? "; that is no tooth's size: give the scan's own voxel size with "
-                       "--spacing-mm"
-                     : "; give a larger --voxel-mm"));
+    throw Error(
+        "the tooth's box of " + short_number(extent.x()) + " x " + short_number(extent.y()) +
+        " x " + short_number(extent.z()) + " mm holds " + short_number(count.prod()) +
+        " voxels of " + short_number(voxel) + " mm, more than 2^29" +
+        (extent.maxCoeff() > 60 ? "; that is no tooth's size: give the scan's own voxel size with "
+                                  "--spacing-mm"
+                                : "; give a larger --voxel-mm"));
   WorkBox box;
   box.lattice.voxel = voxel;
   for (int a = 0; a < 3; ++a) {

@@ -1,4 +1,5 @@
-// The dense box of output voxels that voxelizing works on, and the last step from its fields to a tooth.
+// The dense box of output voxels that voxelizing works on, and the last step from its fields to a
+// tooth.
 #pragma once
 
 #include <tbb/parallel_for.h>
@@ -52,32 +53,34 @@ struct ImageFrame {
   }
 };
 
-// The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels. Its
-// lattice's centres are the integer multiples of `voxel`. Throws Error if the voxel size is out of range or
-// the box would hold more than 2^29 voxels.
+// The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels.
+// Its lattice's centres are the integer multiples of `voxel`. Throws Error if the voxel size is out
+// of range or the box would hold more than 2^29 voxels.
 WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
                    double voxel, int margin);
 
-// Calls sample(offset, centre, points) for every output voxel, planes in parallel: n^3 points spread
-// evenly over the voxel, relative to its centre, both in (fractional) voxels of the image.
+// Calls sample(offset, centre, points) for every output voxel, planes in parallel: n^3 points
+// spread evenly over the voxel, relative to its centre, both in (fractional) voxels of the image.
 template <class Sample>
 void for_each_point_set(const ImageFrame& image, const WorkBox& box, int n, const Sample& sample) {
   const Mat3 to_index = image.to_index();
   std::vector<Vec3> points;
   for (int c = 0; c < n * n * n; ++c)
-    points.push_back(to_index * (Vec3(c % n, c / n % n, c / (n * n)) - Vec3::Constant(0.5 * (n - 1))) *
+    points.push_back(to_index *
+                     (Vec3(c % n, c / n % n, c / (n * n)) - Vec3::Constant(0.5 * (n - 1))) *
                      (box.lattice.voxel / n));
   box.for_each([&](int i, int j, int k, std::size_t v) {
     sample(v, Vec3(to_index * (box.centre(Index3(i, j, k)) - image.origin)), points);
   });
 }
 
-// Value at a fractional voxel, linear between the values of the array, whose edge values are continued
-// outside.
+// Value at a fractional voxel, linear between the values of the array, whose edge values are
+// continued outside.
 float trilinear(const Index3& size, const std::vector<float>& values, const Vec3& index);
 
-// The tooth as fields over the box, each positive inside and nowhere zero: the solid, and each tissue
-// against the other tissues (which matters in the solid and in a few voxels beyond its surface).
+// The tooth as fields over the box, each positive inside and nowhere zero: the solid, and each
+// tissue against the other tissues (which matters in the solid and in a few voxels beyond its
+// surface).
 struct ToothFields {
   Field solid;
   std::array<Field, 3> tissue;      // enamel, dentin, pulp; empty if absent
@@ -87,9 +90,9 @@ struct ToothFields {
 // `value`, moved to the given side of zero if it isn't there.
 float signed_as(bool positive, float value);
 
-// Fields to distances, and both to a tooth. A tissue is where the solid and its side of the interface both
-// are, so its level set is the larger of the two distances, and the volumes of all tissues add up to
-// the solid's.
+// Fields to distances, and both to a tooth. A tissue is where the solid and its side of the
+// interface both are, so its level set is the larger of the two distances, and the volumes of all
+// tissues add up to the solid's.
 LayeredTooth tooth_of(const WorkBox& box, ToothFields fields);
 
 std::string short_number(double value);  // four digits

@@ -131,28 +131,28 @@ PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth) {
 }
 
 Box bounds_of_solid(const LayeredTooth& tooth) {
-  Index3 low = Index3::Constant(std::numeric_limits<int>::max());
-  Index3 high = Index3::Constant(std::numeric_limits<int>::min());
+  // A voxel at signed distance phi < 0 has solid all round it up to |phi|: exact for a face along
+  // the axes.
+  Box box{Vec3::Constant(std::numeric_limits<double>::max()),
+          Vec3::Constant(std::numeric_limits<double>::lowest())};
+  const auto include = [&](const Index3& voxel, float phi) {
+    if (phi >= 0) return;
+    const Vec3 centre = tooth.lattice.to_world(voxel), reach = Vec3::Constant(-phi);
+    box.min = box.min.cwiseMin(centre - reach);
+    box.max = box.max.cwiseMax(centre + reach);
+  };
   for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
     const Index3 first = tooth.solid.brick_origin(b);
     if (tooth.solid.is_uniform(b)) {
-      if (tooth.solid.uniform_value(b) < 0) {
-        low = low.cwiseMin(first);
-        high = high.cwiseMax(first + Index3::Constant(kBrickEdge - 1));
-      }
+      include(first, tooth.solid.uniform_value(b));
+      include(first + Index3::Constant(kBrickEdge - 1), tooth.solid.uniform_value(b));
       continue;
     }
     const float* phi = tooth.solid.brick(b);
     for (int v = 0; v < kBrickVoxels; ++v)
-      if (phi[v] < 0) {
-        const Index3 i = first + Index3(v >> 6, (v >> 3) & 7, v & 7);
-        low = low.cwiseMin(i);
-        high = high.cwiseMax(i);
-      }
+      include(first + Index3(v >> 6, (v >> 3) & 7, v & 7), phi[v]);
   }
-  if (low.x() > high.x()) return {};
-  const Vec3 half = Vec3::Constant(tooth.lattice.voxel / 2);
-  return {tooth.lattice.to_world(low) - half, tooth.lattice.to_world(high) + half};
+  return box.min.x() <= box.max.x() ? box : Box{};
 }
 
 std::size_t memory_bytes(const LayeredTooth& tooth) {

@@ -1,4 +1,5 @@
-// Trace files (.h5): what a replay or a live session records, and the format of recorded trajectories.
+// Trace files (.h5): what a replay or a live session records, and the format of recorded
+// trajectories.
 #pragma once
 
 #include <string>
@@ -17,11 +18,11 @@ struct EnergyAudit {
 };
 
 struct Trace {
-  std::vector<StepRecord> rows;      // row 0 is the initial state with zero forces
-  std::string parameters_toml;       // complete
+  std::vector<StepRecord> rows;  // row 0 is the initial state with zero forces
+  std::string parameters_toml;   // complete
   std::string tooth_sha256;
   std::string toothprep_version;
-  std::string bur;                   // the --bur text
+  std::string bur;  // the --bur text
   std::string drive, engine;
   EnergyAudit audit;
   double initial_overlap_mm3 = 0;
@@ -34,14 +35,15 @@ struct Trace {
 void write_trace(const Trace& trace, const std::string& path);
 
 // Reads a complete trace back, bit for bit (the power, stored in W, to one unit in the last place).
-// Throws InputError (file, dataset, condition): unreadable, truncated, another schema, a dataset missing,
-// of wrong shape or type, claiming more than kMostSamples rows, in another unit, not finite. The unit is
-// required for time, positions and forces. /handle/buttons (absent: always on), /contact/shank_area and
-// /force/measured may be absent; a tissue that `tissues` doesn't name has zeros.
+// Throws InputError (file, dataset, condition): unreadable, truncated, another schema, a dataset
+// missing, of wrong shape or type, claiming more than kMostSamples rows, in another unit, not
+// finite. The unit is required for time, positions and forces. /handle/buttons (absent: always on),
+// /contact/shank_area and /force/measured may be absent; a tissue that `tissues` doesn't name has
+// zeros.
 Trace read_trace(const std::string& path);
 
-// Whether an HDF5 file says that it is a trace (root attribute `schema`). Throws InputError if it can't
-// be read at all.
+// Whether an HDF5 file says that it is a trace (root attribute `schema`). Throws InputError if it
+// can't be read at all.
 bool is_trace_file(const std::string& path);
 
 // Reads what a trajectory needs: /time and /handle/position with units; /handle/orientation,

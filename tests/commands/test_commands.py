@@ -1,0 +1,214 @@
+"""Runs the toothprep binary as a user does: the chain from CT to mesh, exit codes, refusals, repeatability.
+
+Usage: test_commands.py BINARY SOURCE_DIR
+"""
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import h5py
+import numpy as np
+
+BINARY = os.path.abspath(sys.argv[1])
+SOURCE = os.path.abspath(sys.argv[2])
+CYLINDER = "cylinder:D1.2xL3.0"
+
+
+class Commands(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="toothprep-commands-")
+        cls.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "5,4,5", "--enamel-mm", "1.5")
+        with open(cls.path("slot.toml"), "w") as f:
+            f.write('start_mm = [0, 0.9, -0.4]\naxis = [0, 0, 1]\nrate_hz = 1000\n'
+                    '[[segment]]\nkind = "line"\nto_mm = [0, -2.2, -0.4]\nspeed_mm_s = 1.0\n')
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder, name)
+
+    @classmethod
+    def run_tool(cls, *args):
+        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=300)
+
+    @classmethod
+    def run_ok(cls, *args):
+        done = cls.run_tool(*args)
+        assert done.returncode == 0, f"{args}: {done.returncode}\n{done.stderr}"
+        return done
+
+    def assert_refused(self, *args, output, says):
+        """Exit 1, one line that names the problem, nothing on stdout, no output file or remains of one."""
+        before = set(os.listdir(self.folder))
+        done = self.run_tool(*args)
+        self.assertEqual(done.returncode, 1, f"{args}: {done.stderr}")
+        errors = [line for line in done.stderr.splitlines() if not line.startswith("warning: ")]
+        self.assertEqual(len(errors), 1, f"{args}: {done.stderr}")
+        self.assertIn(says, errors[0])
+        self.assertEqual(done.stdout, "")
+        self.assertEqual(set(os.listdir(self.folder)), before, f"{args} left something behind")
+        if output:
+            self.assertFalse(os.path.exists(self.path(output)))
+
+    def replay(self, output, *extra):
+        return self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "slot.toml", "--bur", CYLINDER,
+                           "-o", output, "--json", *extra)
+
+    def test_chain_from_ct_to_mesh(self):
+        self.run_ok("specimen", "scan", "-o", "ct", "--spacing-mm", "0.3", "--labels", "labels.nrrd")
+        self.run_ok("voxelize", "ct", "-o", "tooth.vdb", "--voxel-mm", "0.2")
+        info = json.loads(self.run_ok("info", "tooth.vdb", "--json").stdout)
+        # The molar's own volumes (specimen molar --voxel-mm 0.1): 246, 599 and 46 mm^3; a 0.3 mm scan keeps
+        # the hard tissues to a few per cent.
+        self.assertAlmostEqual(info["volume_mm3"]["enamel"], 246, delta=20)
+        self.assertAlmostEqual(info["volume_mm3"]["dentin"], 599, delta=30)
+        self.assertAlmostEqual(info["voxel_mm"], 0.2)
+        self.run_ok("voxelize", "labels.nrrd", "-o", "from_labels.vdb", "--voxel-mm", "0.2", "--labels",
+                    "enamel=1,dentin=2,pulp=3")
+        done = self.run_ok("replay", "--tooth", "tooth.vdb", "--trajectory",
+                           os.path.join(SOURCE, "data/trajectories/class1-molar.toml"), "--bur", CYLINDER,
+                           "--prepared", "prepared.vdb", "-o", "cavity.h5", "--json")
+        figures = json.loads(done.stdout)
+        for key in ("steps", "seconds_simulated", "realtime_factor", "step_us_p50", "step_us_p99", "step_us_max",
+                    "peak_force_n", "stalled_steps", "removed_mm3", "energy_ratio"):
+            self.assertIn(key, figures)
+        self.assertAlmostEqual(figures["energy_ratio"], 1, delta=0.03)
+        removed = figures["removed_mm3"]
+        self.assertGreater(removed["enamel"], 5)
+        self.assertGreater(removed["dentin"], 1)
+        self.assertEqual(removed["pulp"], 0)
+        # What is gone from the tooth file is what the trace says was removed.
+        after = json.loads(self.run_ok("info", "prepared.vdb", "--json").stdout)
+        for tissue in ("enamel", "dentin"):
+            gone = info["volume_mm3"][tissue] - after["volume_mm3"][tissue]
+            self.assertAlmostEqual(gone, removed[tissue], delta=0.03 * sum(removed.values()))
+        self.run_ok("export", "cavity.h5", "-o", "cavity.csv")
+        with open(self.path("cavity.csv")) as f:
+            header = f.readline().strip().split(",")
+            self.assertEqual(sum(1 for _ in f), figures["steps"] + 1)
+        for column in ("time_s", "handle_x_mm", "force_device_x_N"):
+            self.assertIn(column, header)
+        for name in ("prepared.ply", "prepared.stl", "prepared.obj"):
+            self.run_ok("mesh", "prepared.vdb", "-o", name)
+            self.assertGreater(os.path.getsize(self.path(name)), 10000)
+
+    def test_layered_slot_gives_the_closed_forms_on_both_plateaus(self):
+        # u v L/(4 alpha N) in enamel at 1 mm/s with 2.9 mm of the 3 mm head inside (z from -0.4 to 2.5).
+        self.replay("direct.h5", "--drive", "direct", "--stall-torque-mnm", "inf")
+        with h5py.File(self.path("direct.h5")) as f:
+            y = f["bur/position"][:, 1]
+            force = f["force/grinding"][:, 1]
+            self.assertEqual(f["force/grinding"].attrs["units"], "N")
+        length = 2.9
+        enamel = 300 * 1.0 * length / (4 * 0.25 * 100)
+        self.assertAlmostEqual(force[(y < -0.05) & (y > -0.85)].mean() / enamel, 1, delta=0.01)
+        self.assertAlmostEqual(force[y < -1.6 - 0.55].mean() / (enamel / 3), 1, delta=0.01)
+
+    def test_same_inputs_give_the_same_bytes_whatever_the_threads(self):
+        for threads in ("1", "2"):
+            self.run_ok("--threads", threads, "specimen", "molar", "-o", f"molar{threads}.vdb", "--voxel-mm", "0.3")
+            self.run_ok("--threads", threads, "replay", "--tooth", "block.vdb", "--trajectory", "slot.toml",
+                        "--bur", CYLINDER, "-o", f"trace{threads}.h5", "--prepared", f"prepared{threads}.vdb")
+            self.run_ok("--threads", threads, "mesh", f"prepared{threads}.vdb", "-o", f"prepared{threads}.ply")
+        for pattern in ("molar{}.vdb", "trace{}.h5", "prepared{}.vdb", "prepared{}.ply"):
+            with open(self.path(pattern.format(1)), "rb") as a, open(self.path(pattern.format(2)), "rb") as b:
+                self.assertEqual(a.read(), b.read(), pattern)
+
+    def test_a_trace_replays_with_its_handle_to_the_same_forces(self):
+        self.replay("first.h5")
+        self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "first.h5", "--bur", CYLINDER, "-o", "again.h5")
+        with h5py.File(self.path("first.h5")) as a, h5py.File(self.path("again.h5")) as b:
+            for name in ("force/grinding", "force/device", "bur/position", "torque", "removed/volume"):
+                np.testing.assert_array_equal(a[name][:], b[name][:], name)
+
+    def test_existing_output_is_kept_without_force(self):
+        with open(self.path("kept.vdb"), "w") as f:
+            f.write("mine")
+        self.assert_refused("specimen", "block", "-o", "kept.vdb", output=None, says="--force")
+        with open(self.path("kept.vdb")) as f:
+            self.assertEqual(f.read(), "mine")
+        self.run_ok("specimen", "block", "-o", "kept.vdb", "--force")
+        os.remove(self.path("kept.vdb"))
+
+    def test_wrong_usage_is_exit_2_and_help_is_0(self):
+        for args in ((), ("frobnicate",), ("replay",), ("mesh", "block.vdb"), ("replay", "--drive", "sideways")):
+            self.assertEqual(self.run_tool(*args).returncode, 2, args)
+        self.assertEqual(self.run_tool("--version").returncode, 0)
+        for command in ("specimen block", "specimen molar", "specimen scan", "voxelize", "info", "replay", "export",
+                        "mesh"):
+            done = self.run_tool(*command.split(), "--help")
+            self.assertEqual(done.returncode, 0, command)
+            self.assertIn("Example", done.stdout, command)
+
+    def test_library_of_burs_is_listed_and_every_one_can_be_used(self):
+        names = [line.split()[0] for line in self.run_ok("replay", "--bur", "list").stdout.splitlines()]
+        self.assertGreater(len(names), 15)
+        for name in names:
+            self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "slot.toml", "--bur", name, "-o", "bur.h5",
+                        "--force")
+        os.remove(self.path("bur.h5"))
+
+    def test_bad_inputs_are_refused_with_one_line(self):
+        replay = ["replay", "--tooth", "block.vdb", "--trajectory", "slot.toml", "--bur", CYLINDER, "-o", "no.h5",
+                  "--prepared", "no.vdb"]
+
+        def with_option(option, value):
+            changed = list(replay)
+            changed[changed.index(option) + 1] = value
+            return changed
+
+        self.assert_refused(*with_option("--tooth", "absent.vdb"), output="no.h5", says="absent.vdb")
+        self.assert_refused(*with_option("--trajectory", "absent.toml"), output="no.h5", says="absent.toml")
+        self.assert_refused(*with_option("--bur", "cylinder:D1.2"), output="no.h5", says="L")
+        self.assert_refused(*with_option("--bur", "ball:D0.1"), output="no.h5", says="two voxels")
+        self.assert_refused(*with_option("-o", "nowhere/no.h5"), output=None, says="nowhere")
+        self.assert_refused(*replay, "--stiffness-n-per-mm", "-1", output="no.h5", says="stiffness")
+        self.assert_refused(*replay, "--rotation-rate-rev-s", "0", output="no.h5", says="rotation_rate")
+        self.assert_refused(*replay, "--engine", "voxel", output="no.h5", says="engine")
+
+        with open(self.path("block.vdb"), "rb") as f:
+            whole = f.read()
+        damaged = {"empty.vdb": b"", "cut.vdb": whole[:len(whole) // 2], "text.vdb": b"not a tooth\n" * 100}
+        flipped = bytearray(whole)
+        flipped[len(flipped) // 2] ^= 0xFF
+        damaged["flipped.vdb"] = bytes(flipped)
+        for name, content in damaged.items():
+            with open(self.path(name), "wb") as f:
+                f.write(content)
+            for args in (with_option("--tooth", name), ["mesh", name, "-o", "no.ply"], ["info", name]):
+                self.assert_refused(*args, output=None, says=name)
+
+        texts = {
+            "empty.csv": "",
+            "header.csv": "t,x,y,z\n0,0,0,0\n",
+            "nan.csv": "time_s,x_mm,y_mm,z_mm\n0,0,0,0\n0.001,nan,0,0\n",
+            "back.csv": "time_s,x_mm,y_mm,z_mm\n0,0,0,0\n0,1,0,0\n",
+            "gap.csv": "time_s,x_mm,y_mm,z_mm\n0,0,0,0\n5,1,0,0\n",
+            "key.toml": "start_mm = [0,0,0]\naxis=[0,0,1]\nrate_hz=1000\nspeed = 3\n",
+            "endless.toml": 'start_mm = [0,0,0]\naxis=[0,0,1]\nrate_hz=1000\n[[segment]]\nkind="hold"\nduration_s=1e12\n',
+            "cut.h5": "\x89HDF\r\n\x1a\n",
+        }
+        for name, content in texts.items():
+            with open(self.path(name), "w", encoding="latin-1") as f:
+                f.write(content)
+            self.assert_refused(*with_option("--trajectory", name), output="no.h5", says=name)
+        with open(self.path("bad-params.toml"), "w") as f:
+            f.write("[tissue.enamel]\nforce_ration = 0.25\n")
+        self.assert_refused(*replay, "--params", "bad-params.toml", output="no.h5", says="force_ratio")
+        for name in ("empty.nrrd", "text.nrrd", "empty.nii.gz", "text.mha"):
+            with open(self.path(name), "w") as f:
+                f.write("" if name.startswith("empty") else "no scan here\n" * 30)
+            self.assert_refused("voxelize", name, "-o", "no.vdb", output="no.vdb", says=name)
+        self.assert_refused("export", "block.vdb", "-o", "no.csv", output="no.csv", says="block.vdb")
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1], verbosity=2)
