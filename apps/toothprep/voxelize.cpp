@@ -22,7 +22,8 @@ namespace {
 struct Options {
   std::string scan, output;
   double voxel_mm = 0.1;
-  std::vector<double> thresholds, spacing_mm;
+  std::vector<double> thresholds;
+  std::string spacing_mm;
   std::vector<std::string> labels;  // tissue=value
   bool force = false, json = false;
 };
@@ -45,13 +46,18 @@ std::map<std::uint16_t, Tissue> parse_labels(const std::vector<std::string>& tex
   return tissues;
 }
 
-std::array<double, 3> spacing_of(const std::vector<double>& given) {
-  if (given.size() != 1 && given.size() != 3)
-    throw CLI::ValidationError("--spacing-mm", "give one number or X,Y,Z");
-  for (const double s : given)
-    if (!(s > 0)) throw CLI::ValidationError("--spacing-mm", "must be positive");
-  return given.size() == 1 ? std::array{given[0], given[0], given[0]}
-                           : std::array{given[0], given[1], given[2]};
+// "S" or "X,Y,Z". One argument, lest the scan's name after it be taken for a number.
+std::array<double, 3> parse_spacing(const std::string& text) {
+  const auto parts = CLI::detail::split(text, ',');
+  std::array<double, 3> spacing{};
+  bool good = parts.size() == 1 || parts.size() == 3;
+  for (std::size_t a = 0; a < 3 && good; ++a)
+    good =
+        CLI::detail::lexical_cast(parts[parts.size() == 1 ? 0 : a], spacing[a]) && spacing[a] > 0;
+  if (!good)
+    throw CLI::ValidationError("--spacing-mm",
+                               "'" + text + "' is neither a positive number nor X,Y,Z");
+  return spacing;
 }
 
 std::string format(const char* pattern, auto... values) {
@@ -71,7 +77,7 @@ void run(const Options& options, const Common& common) {
   const auto start = std::chrono::steady_clock::now();
   const auto tissues = parse_labels(options.labels);
   std::optional<std::array<double, 3>> spacing;
-  if (!options.spacing_mm.empty()) spacing = spacing_of(options.spacing_mm);
+  if (!options.spacing_mm.empty()) spacing = parse_spacing(options.spacing_mm);
   OutputFile out(options.output, options.force);
 
   VoxelizeOptions how;
@@ -175,10 +181,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->expected(2)
       ->allow_extra_args(false);
   sub->add_option("--spacing-mm", options->spacing_mm,
-                  "Voxel size of the scan, mm, in place of the file's: S or X,Y,Z")
-      ->delimiter(',')
-      ->expected(1, 3)
-      ->allow_extra_args(false);
+                  "Voxel size of the scan, mm, in place of the file's: S or X,Y,Z");
   sub->add_option("--labels", options->labels,
                   "The input is a segmentation: enamel=2,dentin=3[,pulp=4][,other=1]; values not "
                   "named are empty")

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "toothprep/scan/iso_distance.h"
@@ -59,7 +61,9 @@ TEST(IsoDistance, OfABallConvergesWithTheSquareOfTheVoxel) {
           if (std::abs(truth) < 2.5) worst = std::max(worst, std::abs(value - truth));
         }
     EXPECT_LT(worst, 3 / (8 * radius));
-    if (previous > 0) EXPECT_LT(worst, 0.65 * previous);  // error in voxels falls with 1/R
+    if (previous > 0) {
+      EXPECT_LT(worst, 0.65 * previous);  // error in voxels falls with 1/R
+    }
     previous = worst;
   }
 }
@@ -75,8 +79,9 @@ TEST(IsoDistance, NeverDisagreesWithTheSignOfTheField) {
   for (std::size_t v = 0; v < field.size(); ++v) {
     ASSERT_EQ(phi[v]<0, field[v]> 0);
     // A neighbour of the other sign is never farther than one voxel, and the crossing lies between.
-    if (v % 40 != 39 && (field[v] > 0) != (field[v + 1] > 0))
+    if (v % 40 != 39 && (field[v] > 0) != (field[v + 1] > 0)) {
       EXPECT_LE(std::abs(phi[v]), field[v] / (field[v] - field[v + 1]) + 1e-5);
+    }
   }
 }
 

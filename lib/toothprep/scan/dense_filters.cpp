@@ -2,11 +2,11 @@
 #include "toothprep/scan/dense_filters.h"
 
 #include <itkConnectedComponentImageFilter.h>
-#include <itkDiscreteGaussianImageFilter.h>
 #include <itkImportImageFilter.h>
 #include <itkRelabelComponentImageFilter.h>
 #include <itkSignedMaurerDistanceMapImageFilter.h>
 #include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -117,17 +117,49 @@ std::vector<float> depth_below_surface(const Index3& size, const Mask& mask) {
   return depth;
 }
 
+// Three passes of the sampled kernel, cut off at four sigma. (ITK's own filter gives the same, five
+// times slower, and its neighbourhood iterator does arithmetic on null pointers, which sanitizers
+// refuse.)
 void smooth(const Index3& size, std::vector<float>& values, double sigma) {
   if (!(sigma > 0)) return;
-  const auto input = view(size, values);
-  const auto filter = itk::DiscreteGaussianImageFilter<FloatImage, FloatImage>::New();
-  filter->SetInput(input->GetOutput());
-  filter->SetUseImageSpacing(false);
-  filter->SetVariance(sigma * sigma);
-  filter->SetMaximumError(0.002);
-  filter->SetMaximumKernelWidth(64);
-  run(*filter);
-  values = copied(*filter->GetOutput(), values.size());
+  const int radius = std::max(1, static_cast<int>(std::ceil(4 * sigma)));
+  std::vector<float> kernel;
+  double sum = 0;
+  for (int d = -radius; d <= radius; ++d) sum += std::exp(-0.5 * d * d / (sigma * sigma));
+  for (int d = -radius; d <= radius; ++d)
+    kernel.push_back(static_cast<float>(std::exp(-0.5 * d * d / (sigma * sigma)) / sum));
+
+  const auto row = static_cast<std::size_t>(size.x());
+  const std::size_t plane = row * static_cast<std::size_t>(size.y());
+  const auto inside = [](int i, int n) {
+    return static_cast<std::size_t>(std::clamp(i, 0, n - 1));
+  };
+  std::vector<float> source;
+  for (int axis = 0; axis < 3; ++axis) {
+    source = values;
+    tbb::parallel_for(0, size.z(), [&](int k) {
+      std::vector<float> padded(row + 2 * static_cast<std::size_t>(radius));
+      for (int j = 0; j < size.y(); ++j) {
+        float* out =
+            values.data() + static_cast<std::size_t>(k) * plane + static_cast<std::size_t>(j) * row;
+        std::fill(out, out + row, 0.0f);
+        const float* line =
+            source.data() + static_cast<std::size_t>(k) * plane + static_cast<std::size_t>(j) * row;
+        if (axis == 0)
+          for (int i = 0; i < static_cast<int>(padded.size()); ++i)
+            padded[static_cast<std::size_t>(i)] = line[inside(i - radius, size.x())];
+        for (int d = -radius; d <= radius; ++d) {
+          const float weight = kernel[static_cast<std::size_t>(d + radius)];
+          const float* in = axis == 0   ? padded.data() + d + radius
+                            : axis == 1 ? source.data() + static_cast<std::size_t>(k) * plane +
+                                              inside(j + d, size.y()) * row
+                                        : source.data() + inside(k + d, size.z()) * plane +
+                                              static_cast<std::size_t>(j) * row;
+          for (std::size_t i = 0; i < row; ++i) out[i] += weight * in[i];
+        }
+      }
+    });
+  }
 }
 
 }  // namespace toothprep

@@ -1,4 +1,5 @@
-// What voxelizing needs done to dense arrays of voxels, by ITK: components, distances, smoothing.
+// What voxelizing needs done to dense arrays of voxels: components and distances (by ITK),
+// smoothing.
 //
 // Arrays are x-fastest with `size` voxels; lengths are in voxels. Results don't depend on the
 // number of threads, which is TBB's (ITK's own pool is held to it).

@@ -174,30 +174,37 @@ std::vector<float> iso_distance(const Index3& size, const std::vector<float>& fi
           for (int t = 0; t < count; ++t) {
             const auto* triple = &cases.edges[inside][3 * t];
             const Triangle triangle(point[triple[0]], point[triple[1]], point[triple[2]]);
-            const Vec3f low =
-                point[triple[0]].cwiseMin(point[triple[1]]).cwiseMin(point[triple[2]]);
-            const Vec3f high =
-                point[triple[0]].cwiseMax(point[triple[1]]).cwiseMax(point[triple[2]]);
-            const int xa = std::max(0, i + static_cast<int>(std::ceil(low.x() - band)));
-            const int xb = std::min(nx - 1, i + static_cast<int>(std::floor(high.x() + band)));
-            const int ya = std::max(0, j + static_cast<int>(std::ceil(low.y() - band)));
-            const int yb = std::min(ny - 1, j + static_cast<int>(std::floor(high.y() + band)));
-            const int za = std::max(z0, k + static_cast<int>(std::ceil(low.z() - band)));
-            const int zb = std::min(z1 - 1, k + static_cast<int>(std::floor(high.z() + band)));
-            for (int z = za; z <= zb; ++z)
-              for (int y = ya; y <= yb; ++y) {
+            // Nodes beyond the band from the ball around the triangle don't matter, nor do those
+            // for which its plane or this ball is farther than what they have already.
+            const float ball = band + triangle.radius;
+            const Vec3f& centre = triangle.centre;
+            const auto first = [](float x, int offset, int least) {
+              return std::max(least, offset + static_cast<int>(std::ceil(x)));
+            };
+            const auto last = [](float x, int offset, int most) {
+              return std::min(most, offset + static_cast<int>(std::floor(x)));
+            };
+            for (int z = first(centre.z() - ball, k, z0); z <= last(centre.z() + ball, k, z1 - 1);
+                 ++z)
+              for (int y = first(centre.y() - ball, j, 0); y <= last(centre.y() + ball, j, ny - 1);
+                   ++y) {
+                const Vec3f from_centre =
+                    Vec3f(0, static_cast<float>(y - j), static_cast<float>(z - k)) -
+                    Vec3f(0, centre.y(), centre.z());
+                const float beside = from_centre.squaredNorm();
+                if (beside >= ball * ball) continue;
+                const float half = std::sqrt(ball * ball - beside);
+                const int xa = first(centre.x() - half, i, 0),
+                          xb = last(centre.x() + half, i, nx - 1);
                 float* line = best + static_cast<std::size_t>(z - z0) * plane +
                               static_cast<std::size_t>(y) * row;
-                Vec3f x(static_cast<float>(xa - i), static_cast<float>(y - j),
-                        static_cast<float>(z - k));
+                const Vec3f x(static_cast<float>(xa - i), static_cast<float>(y - j),
+                              static_cast<float>(z - k));
                 const float height = triangle.normal.dot(x - triangle.a);
-                const Vec3f from_centre = x - triangle.centre;
-                const float beside = from_centre.tail<2>().squaredNorm();
                 for (int n = xa; n <= xb; ++n) {
-                  // Neither the triangle's plane nor the ball around it may be too far to matter.
                   const float step = static_cast<float>(n - xa);
                   const float h = height + step * triangle.normal.x();
-                  const float dx = from_centre.x() + step;
+                  const float dx = x.x() + step - centre.x();
                   const float limit = line[n] + triangle.radius;
                   if (std::abs(h) < line[n] && dx * dx + beside < limit * limit)
                     line[n] = std::min(line[n],
