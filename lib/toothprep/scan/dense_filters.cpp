@@ -117,9 +117,8 @@ std::vector<float> depth_below_surface(const Index3& size, const Mask& mask) {
   return depth;
 }
 
-// Three passes of the sampled kernel, cut off at four sigma. (ITK's own filter gives the same, five
-// times slower, and its neighbourhood iterator does arithmetic on null pointers, which sanitizers
-// refuse.)
+// Three passes of the sampled kernel, cut off at four sigma. (ITK's own discrete Gaussian does the
+// same by a neighbourhood iterator and takes several times as long.)
 void smooth(const Index3& size, std::vector<float>& values, double sigma) {
   if (!(sigma > 0)) return;
   const int radius = std::max(1, static_cast<int>(std::ceil(4 * sigma)));
