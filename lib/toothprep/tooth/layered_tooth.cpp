@@ -110,23 +110,50 @@ double volume_mm3(const LevelSet& level_set, double voxel) {
   return fractions * voxel * voxel * voxel;
 }
 
+namespace {
+
+// `other` has no level set: in its own voxels and those beside them it is what the solid has left.
+double volume_of_other(const LayeredTooth& tooth) {
+  constexpr auto kOther = static_cast<std::uint8_t>(Tissue::kOther);
+  const double voxel = tooth.lattice.voxel;
+  const auto is_other = [&](const Index3& i) {
+    return tooth.tissue.value(i.x(), i.y(), i.z()) == kOther;
+  };
+  const auto near_other = [&](const Index3& i) {
+    return is_other(i) || is_other(i + Index3(1, 0, 0)) || is_other(i - Index3(1, 0, 0)) ||
+           is_other(i + Index3(0, 1, 0)) || is_other(i - Index3(0, 1, 0)) ||
+           is_other(i + Index3(0, 0, 1)) || is_other(i - Index3(0, 0, 1));
+  };
+  double fractions = 0;
+  for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
+    const float* solid = tooth.solid.brick(b);
+    double sum = 0;
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      double rest = inside_fraction(solid[v], voxel);
+      for (const LevelSet& tissue : tooth.remains)
+        rest -= inside_fraction(tissue.brick(b)[v], voxel);
+      if (rest > 1e-6 &&
+          near_other(tooth.solid.brick_origin(b) + Index3(v >> 6, (v >> 3) & 7, v & 7)))
+        sum += rest;
+    }
+    fractions += sum;
+  }
+  return fractions * voxel * voxel * voxel;
+}
+
+}  // namespace
+
 PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth) {
   PerTissue<double> volumes{};
-  double rest = volume_mm3(tooth.solid, tooth.lattice.voxel);
-  for (int k = 0; k < 3; ++k) {
-    volumes[k] = volume_mm3(tooth.remains[k], tooth.lattice.voxel);
-    rest -= volumes[k];
-  }
-  // The tissues' level sets overlap the solid's only by rounding and by creases; what is `other` is
-  // decided by the labels.
+  for (int k = 0; k < 3; ++k) volumes[k] = volume_mm3(tooth.remains[k], tooth.lattice.voxel);
+  constexpr auto kOther = static_cast<std::uint8_t>(Tissue::kOther);
   bool has_other = false;
   for (std::size_t b = 0; b < tooth.tissue.table_size() && !has_other; ++b) {
     const std::uint8_t* labels = tooth.tissue.brick(b);
-    has_other = std::find(labels, labels + (tooth.tissue.is_uniform(b) ? 1 : kBrickVoxels),
-                          static_cast<std::uint8_t>(Tissue::kOther)) !=
-                labels + (tooth.tissue.is_uniform(b) ? 1 : kBrickVoxels);
+    const std::uint8_t* end = labels + (tooth.tissue.is_uniform(b) ? 1 : kBrickVoxels);
+    has_other = std::find(labels, end, kOther) != end;
   }
-  volumes[tissue_index(Tissue::kOther)] = has_other ? std::max(rest, 0.0) : 0.0;
+  if (has_other) volumes[tissue_index(Tissue::kOther)] = volume_of_other(tooth);
   return volumes;
 }
 
