@@ -403,6 +403,10 @@ TEST(Voxelize, RefusesWhatIsNoTooth) {
   for (std::size_t v = 0; v < scan.data.size(); ++v) scan.data[v] = static_cast<float>(v % 48);
   EXPECT_THAT(refusal(scan), testing::HasSubstr("no tooth can be told"));
 
+  // Labels where greys are expected.
+  for (std::size_t v = 0; v < scan.data.size(); ++v) scan.data[v] = static_cast<float>(v / 30000);
+  EXPECT_THAT(refusal(scan), testing::HasSubstr("0, 1, 2, 3, which looks like a segmentation"));
+
   // One material only.
   Scanner one;
   one.grey.enamel = one.grey.pulp = one.grey.dentin;

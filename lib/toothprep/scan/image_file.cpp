@@ -284,16 +284,18 @@ void check_values(const std::string& path, const std::vector<float>& values) {
                      "replace them by the grey value of the surroundings");
 }
 
-// The heart of an ITK message: without the class and its address, and of nested ones the last line.
+// The heart of an ITK message: without the class and its address; one line (of NRRD's nested ones
+// the last, which is the cause).
 std::string description(const itk::ExceptionObject& e) {
   std::string text = trimmed(e.GetDescription());
-  const auto line = text.rfind('\n');
-  if (line != std::string::npos) text = trimmed(text.substr(line + 1));
+  const auto nested = text.rfind("\n[nrrd]");
+  if (nested != std::string::npos) text = trimmed(text.substr(nested + 1));
+  text = text.substr(0, text.find('\n'));
   const auto mark = text.find("): ");
   if (lower(text).rfind("itk", 0) == 0 && mark != std::string::npos) text = text.substr(mark + 3);
   for (char& c : text)
     if (c == '\t' || c == '\r') c = ' ';
-  return text.substr(0, 300);
+  return trimmed(text).substr(0, 300);
 }
 
 using FloatImage = itk::Image<float, 3>;

@@ -92,42 +92,64 @@ struct CellCases {
   }
 };
 
+constexpr int kLanes = 8;
+
+// Squared distances of points in a row along x to a triangle. Along the row all products are linear
+// in x, and there is no branch, so that the compiler turns a call into a few vector instructions.
 struct Triangle {
-  Vec3f a, ab, ac, normal;  // normal: unit, or zero for a sliver
-  float d00, d01, d11, area2;
-  Vec3f centre;  // a ball around the triangle
+  Vec3f a, ab, ac, bc, normal;            // normal: unit, or zero for a sliver
+  float d00, d01, d11, d22, area2;        // products of the edges; twice the area, squared
+  float inverse00, inverse11, inverse22;  // of the squared lengths, 0 for a point
+  Vec3f centre;                           // of a ball around the triangle
   float radius;
 
-  Triangle(const Vec3f& a_, const Vec3f& b, const Vec3f& c) : a(a_), ab(b - a_), ac(c - a_) {
-    normal = ab.cross(ac);
-    area2 = normal.squaredNorm();
-    normal = area2 > 1e-12f ? Vec3f(normal / std::sqrt(area2)) : Vec3f::Zero();
+  Triangle(const Vec3f& a_, const Vec3f& b, const Vec3f& c)
+      : a(a_), ab(b - a_), ac(c - a_), bc(c - b), normal(ab.cross(ac)) {
     d00 = ab.squaredNorm();
     d01 = ab.dot(ac);
     d11 = ac.squaredNorm();
+    d22 = bc.squaredNorm();
+    const auto inverse = [](float x) { return x > 1e-12f ? 1 / x : 0.0f; };
+    inverse00 = inverse(d00);
+    inverse11 = inverse(d11);
+    inverse22 = inverse(d22);
+    area2 = normal.squaredNorm();
+    if (area2 > 1e-12f) {
+      normal /= std::sqrt(area2);
+    } else {
+      area2 = -1;  // no point projects into it
+      normal.setZero();
+    }
     centre = a + (ab + ac) / 3;
     radius = std::sqrt(std::max(
         {(a_ - centre).squaredNorm(), (b - centre).squaredNorm(), (c - centre).squaredNorm()}));
   }
 
-  static float to_segment(const Vec3f& p, const Vec3f& d, float d2) {  // squared, segment 0 .. d
-    const float t = d2 > 0 ? std::clamp(p.dot(d) / d2, 0.0f, 1.0f) : 0.0f;
-    return (p - t * d).squaredNorm();
-  }
-
-  float squared_distance(const Vec3f& x) const {
-    const Vec3f p = x - a;
-    if (area2 > 1e-12f) {
-      const float d20 = p.dot(ab), d21 = p.dot(ac);
+  // Of the points first + (n, 0, 0).
+  void squared_distances(const Vec3f& first, std::array<float, kLanes>& result) const {
+    const Vec3f p = first - a, q = p - ab;
+    const float p_ab = p.dot(ab), p_ac = p.dot(ac), q_bc = q.dot(bc), height = p.dot(normal);
+    const float p_side = p.tail<2>().squaredNorm(), q_side = q.tail<2>().squaredNorm();
+    const auto to_segment = [](float squared, float along, float length2, float inverse) {
+      const float t = std::min(std::max(along * inverse, 0.0f), 1.0f);
+      return squared - t * (2 * along - t * length2);
+    };
+    for (int n = 0; n < kLanes; ++n) {
+      const auto s = static_cast<float>(n);
+      const float d20 = p_ab + s * ab.x(), d21 = p_ac + s * ac.x(), d22_ = q_bc + s * bc.x();
+      const float h = height + s * normal.x();
+      const float px = p.x() + s, qx = q.x() + s;
+      const float pp = px * px + p_side, qq = qx * qx + q_side;
+      const float edges = std::min(
+          to_segment(pp, d20, d00, inverse00),
+          std::min(to_segment(pp, d21, d11, inverse11), to_segment(qq, d22_, d22, inverse22)));
       const float v = d11 * d20 - d01 * d21, w = d00 * d21 - d01 * d20;
-      if (v >= 0 && w >= 0 && v + w <= area2) {
-        const float h = p.dot(normal);
-        return h * h;
-      }
+      // All three weights of the projection's barycentric coordinates positive: the face is
+      // nearest.
+      const float least = std::min(std::min(v, w), area2 - v - w);
+      const float face = h * h;
+      result[static_cast<std::size_t>(n)] = least >= 0 ? face : std::max(edges, 0.0f);
     }
-    const Vec3f bc = ac - ab;
-    return std::min(
-        {to_segment(p, ab, d00), to_segment(p, ac, d11), to_segment(p - ab, bc, bc.squaredNorm())});
   }
 };
 
@@ -149,7 +171,7 @@ std::vector<float> iso_distance(const Index3& size, const std::vector<float>& fi
   tbb::parallel_for(0, slabs, [&](int slab) {
     const int z0 = slab * kSlab, z1 = std::min(nz, z0 + kSlab);
     float* best = distance.data() + static_cast<std::size_t>(z0) * plane;
-    std::fill(best, best + static_cast<std::size_t>(z1 - z0) * plane, band);
+    std::fill(best, best + static_cast<std::size_t>(z1 - z0) * plane, band * band);
     for (int k = std::max(0, z0 - reach - 1); k < std::min(nz - 1, z1 + reach); ++k)
       for (int j = 0; j + 1 < ny; ++j) {
         const float* f =
@@ -174,8 +196,7 @@ std::vector<float> iso_distance(const Index3& size, const std::vector<float>& fi
           for (int t = 0; t < count; ++t) {
             const auto* triple = &cases.edges[inside][3 * t];
             const Triangle triangle(point[triple[0]], point[triple[1]], point[triple[2]]);
-            // Nodes beyond the band from the ball around the triangle don't matter, nor do those
-            // for which its plane or this ball is farther than what they have already.
+            // Nodes beyond the band from the ball around the triangle don't matter.
             const float ball = band + triangle.radius;
             const Vec3f& centre = triangle.centre;
             const auto first = [](float x, int offset, int least) {
@@ -184,31 +205,27 @@ std::vector<float> iso_distance(const Index3& size, const std::vector<float>& fi
             const auto last = [](float x, int offset, int most) {
               return std::min(most, offset + static_cast<int>(std::floor(x)));
             };
-            for (int z = first(centre.z() - ball, k, z0); z <= last(centre.z() + ball, k, z1 - 1);
-                 ++z)
-              for (int y = first(centre.y() - ball, j, 0); y <= last(centre.y() + ball, j, ny - 1);
-                   ++y) {
-                const Vec3f from_centre =
-                    Vec3f(0, static_cast<float>(y - j), static_cast<float>(z - k)) -
-                    Vec3f(0, centre.y(), centre.z());
-                const float beside = from_centre.squaredNorm();
-                if (beside >= ball * ball) continue;
-                const float half = std::sqrt(ball * ball - beside);
-                const int xa = first(centre.x() - half, i, 0),
-                          xb = last(centre.x() + half, i, nx - 1);
+            const int ya = first(centre.y() - ball, j, 0), yb = last(centre.y() + ball, j, ny - 1);
+            const int za = first(centre.z() - ball, k, z0), zb = last(centre.z() + ball, k, z1 - 1);
+            for (int z = za; z <= zb; ++z)
+              for (int y = ya; y <= yb; ++y) {
+                const float dy = static_cast<float>(y - j) - centre.y();
+                const float dz = static_cast<float>(z - k) - centre.z();
+                const float half2 = ball * ball - dy * dy - dz * dz;
+                if (half2 <= 0) continue;
+                const float half = std::sqrt(half2);
+                const int xb = last(centre.x() + half, i, nx - 1);
                 float* line = best + static_cast<std::size_t>(z - z0) * plane +
                               static_cast<std::size_t>(y) * row;
-                const Vec3f x(static_cast<float>(xa - i), static_cast<float>(y - j),
-                              static_cast<float>(z - k));
-                const float height = triangle.normal.dot(x - triangle.a);
-                for (int n = xa; n <= xb; ++n) {
-                  const float step = static_cast<float>(n - xa);
-                  const float h = height + step * triangle.normal.x();
-                  const float dx = x.x() + step - centre.x();
-                  const float limit = line[n] + triangle.radius;
-                  if (std::abs(h) < line[n] && dx * dx + beside < limit * limit)
-                    line[n] = std::min(line[n],
-                                       std::sqrt(triangle.squared_distance(x + Vec3f(step, 0, 0))));
+                for (int x = first(centre.x() - half, i, 0); x <= xb; x += kLanes) {
+                  std::array<float, kLanes> d2;
+                  triangle.squared_distances(
+                      Vec3f(static_cast<float>(x - i), static_cast<float>(y - j),
+                            static_cast<float>(z - k)),
+                      d2);
+                  const int lanes = std::min(kLanes, xb - x + 1);
+                  for (int n = 0; n < lanes; ++n)
+                    line[x + n] = std::min(line[x + n], d2[static_cast<std::size_t>(n)]);
                 }
               }
           }
@@ -217,7 +234,7 @@ std::vector<float> iso_distance(const Index3& size, const std::vector<float>& fi
     const float* f = field.data() + static_cast<std::size_t>(z0) * plane;
     for (std::size_t v = 0; v < static_cast<std::size_t>(z1 - z0) * plane; ++v) {
       // Never zero: the sign must tell inside from outside.
-      const float d = std::max(best[v], 1e-6f);
+      const float d = std::max(std::sqrt(best[v]), 1e-6f);
       best[v] = f[v] > 0 ? -d : d;
     }
   });

@@ -1,8 +1,9 @@
 // A CT scan, or a segmentation made elsewhere, to a layered tooth.
 //
-// The tooth stands where the scan has it (LPS, mm) on the lattice whose voxel centres are the
-// integer multiples of the voxel size, so that the same tooth gets the same lattice whatever file,
-// crop or axes it came with. This folder's README tells the method and its measured accuracy.
+// The tooth stands where the scan has it (LPS, mm), on the lattice whose voxels lie side by side
+// from the frame's zero (faces at multiples of the voxel size, as the specimens' do), so that the
+// same tooth gets the same lattice whatever file, crop or axes it came with. This folder's README
+// tells the method and its measured accuracy.
 #pragma once
 
 #include <array>
@@ -34,8 +35,9 @@ struct VoxelizeReport {
 
 // Grey scan to tooth: the largest bright component, of dentin and enamel, and the dark cavity
 // inside as pulp. Throws Error when no tooth can be told from its surroundings (flat image, one
-// class, nothing but noise), naming what was found, or when the tooth would take more than 2^29
-// voxels. Provenance gets threshold_dentin and threshold_enamel.
+// class, nothing but noise) or when it looks like a segmentation, naming what was found, or when
+// the tooth would take more than 2^29 voxels. Provenance gets threshold_dentin and
+// threshold_enamel.
 LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
                            VoxelizeReport* report = nullptr);
 

@@ -201,6 +201,24 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
   }
 }
 
+// A segmentation read as greys would give a tooth all the same, of the wrong tissues.
+void refuse_segmentation(const ImageVolume<float>& scan) {
+  constexpr std::size_t kFewest = 9;  // values; a scan of two or more has hundreds
+  std::vector<float> values;
+  for (const float v : scan.data)
+    if (std::find(values.begin(), values.end(), v) == values.end()) {
+      values.push_back(v);
+      if (values.size() >= kFewest) return;
+    }
+  if (values.size() < 2) return;  // a flat image: said elsewhere
+  std::sort(values.begin(), values.end());
+  std::string list;
+  for (const float v : values) list += (list.empty() ? "" : ", ") + short_number(v);
+  throw Error(
+      "holds only the values " + list +
+      ", which looks like a segmentation; name its labels with --labels, or give --thresholds");
+}
+
 }  // namespace
 
 LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
@@ -209,6 +227,7 @@ LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions
     if (options.progress) options.progress(stage, done);
   };
   tell("finding the tooth", 0);
+  if (!options.thresholds) refuse_segmentation(scan);
   const GreyClasses classes = find_grey_classes(scan, options.thresholds);
   // The width of the scan's borders, in output voxels: a voxel of the scan, or of the output where
   // that is coarser.

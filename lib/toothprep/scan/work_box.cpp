@@ -43,9 +43,10 @@ WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& i
                                 : "; give a larger --voxel-mm"));
   WorkBox box;
   box.lattice.voxel = voxel;
+  box.lattice.origin = Vec3::Constant(0.5 * voxel);
   for (int a = 0; a < 3; ++a) {
-    box.lower[a] = static_cast<int>(std::floor(low[a] / voxel)) - margin;
-    box.size[a] = static_cast<int>(std::ceil(high[a] / voxel)) + margin - box.lower[a] + 1;
+    box.lower[a] = static_cast<int>(std::floor(low[a] / voxel - 0.5)) - margin;
+    box.size[a] = static_cast<int>(std::ceil(high[a] / voxel - 0.5)) + margin - box.lower[a] + 1;
   }
   return box;
 }

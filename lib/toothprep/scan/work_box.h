@@ -54,8 +54,9 @@ struct ImageFrame {
 };
 
 // The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels.
-// Its lattice's centres are the integer multiples of `voxel`. Throws Error if the voxel size is out
-// of range or the box would hold more than 2^29 voxels.
+// Its lattice's
+// voxels lie side by side from the frame's zero: faces are multiples of `voxel`. Throws Error if
+// the voxel size is out of range or the box would hold more than 2^29 voxels.
 WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
                    double voxel, int margin);
 
