@@ -61,7 +61,7 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
     array->resize(n);
   for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
   for (auto& array : corner_) array.resize(n);
-  for (auto& array : contact_.area) array.resize(n);
+  contact_.area.resize(n);
   const SurfaceElements& e = elements_;
   for (std::size_t i = 0; i < n; ++i) {
     mx_[i] = e.y[i] * e.nz[i] - e.z[i] * e.ny[i];
@@ -222,7 +222,7 @@ void ContactModel::add_contact(int i, const PerTissue<float>& share) noexcept {
   for (int k = 0; k < kTissueCount; ++k) {
     t += share[k] * ct_[k];
     m += share[k] * cn_[k];
-    contact_.area[k][count_] = share[k] * e.area[i];
+    contact_.area[count_][k] = share[k] * e.area[i];
   }
   t *= e.weight[i];
   m *= e.weight[i];
@@ -349,9 +349,7 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
   const float* p = contact_.torque.data();
   float b00 = 0, b01 = 0, b02 = 0, b10 = 0, b11 = 0, b12 = 0, b20 = 0, b21 = 0, b22 = 0;
   float t0 = 0, t1 = 0, t2 = 0;
-  std::int32_t advancing = 0, places = 0;
-#pragma omp simd reduction(+ : b00, b01, b02, b10, b11, b12, b20, b21, b22, t0, t1, t2, advancing, \
-                               places)
+#pragma omp simd reduction(+ : b00, b01, b02, b10, b11, b12, b20, b21, b22, t0, t1, t2)
   for (int i = 0; i < n; ++i) {
     const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
     const bool advances = s > 0;
@@ -361,14 +359,11 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
     b10 += y * nx[i], b11 += y * ny[i], b12 += y * nz[i];
     b20 += z * nx[i], b21 += z * ny[i], b22 += z * nz[i];
     t0 += torque * nx[i], t1 += torque * ny[i], t2 += torque * nz[i];
-    advancing += advances ? 1 : 0;
-    places += advances ? i : 0;
   }
   GrindingResponse r;
   r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
   r.b = Vec3(t0, t1, t2);
-  r.advancing = advancing;
-  r.signature = places;
+  r.set = advancing_set(v, omega);
   if (omega.squaredNorm() > 0) {
     float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
 #pragma omp simd reduction(+ : f0, f1, f2, torque0)
@@ -385,13 +380,29 @@ GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const 
   return r;
 }
 
+AdvancingSet ContactModel::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
+  const float *nx = contact_.nx.data(), *ny = contact_.ny.data(), *nz = contact_.nz.data();
+  const float *mx = contact_.mx.data(), *my = contact_.my.data(), *mz = contact_.mz.data();
+  std::int32_t count = 0, places = 0;
+  const int n = count_;
+#pragma omp simd reduction(+ : count, places)
+  for (int i = 0; i < n; ++i) {
+    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
+    count += s > 0 ? 1 : 0;
+    places += s > 0 ? i : 0;
+  }
+  return {count, places};
+}
+
 PerTissue<double> ContactModel::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   PerTissue<float> sum{};
   for (int i = 0; i < count_; ++i) {
     const float s = contact_.nx[i] * vf.x() + contact_.ny[i] * vf.y() + contact_.nz[i] * vf.z() +
                     contact_.mx[i] * of.x() + contact_.my[i] * of.y() + contact_.mz[i] * of.z();
-    for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? contact_.area[k][i] : 0;
+    for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? contact_.area[i][k] : 0;
   }
   PerTissue<double> area{};
   for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k];

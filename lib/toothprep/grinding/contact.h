@@ -41,6 +41,13 @@
 
 namespace toothprep {
 
+// Which elements in contact advance, by their number and the sum of their places: enough to tell
+// whether a set has changed from one trial velocity to the next.
+struct AdvancingSet {
+  std::int32_t count = 0, places = 0;
+  bool operator==(const AdvancingSet&) const = default;
+};
+
 // The linear response of the contact to the feed, for the advancing set of one trial velocity, in
 // B, for N = 1 rev/s: F = (B v + f0) / N, T = (b·v + t0) / N, with f0 and t0 from the handle's
 // rotation.
@@ -49,9 +56,7 @@ struct GrindingResponse {
   Vec3 f0 = Vec3::Zero();
   Vec3 b = Vec3::Zero();
   double t0 = 0;
-  // Which elements advance: equal signatures mean equal sets (count, and sum of their places).
-  std::int32_t advancing = 0;
-  std::int64_t signature = 0;
+  AdvancingSet set;
 };
 
 class ContactModel {
@@ -74,6 +79,7 @@ class ContactModel {
   int contacts() const { return count_; }
   // The response with the advancing set {v·n + omega·(r x n) > 0}.
   GrindingResponse response(const Vec3& v, const Vec3& omega) const noexcept;
+  AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;
   // Advancing contact area per tissue, mm².
   PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;
   // Whether any element in contact advances.
@@ -120,7 +126,7 @@ class ContactModel {
   int count_ = 0;
   struct {
     std::vector<float> nx, ny, nz, mx, my, mz, qx, qy, qz, torque;
-    PerTissue<std::vector<float>> area;
+    std::vector<PerTissue<float>> area;
   } contact_;
 };
 

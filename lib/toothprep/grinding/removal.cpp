@@ -7,6 +7,13 @@ namespace toothprep {
 namespace {
 
 constexpr std::size_t kMaxSubPoses = 1024;
+// Distance of sub-poses: half a voxel, and a little more, so that a cut that is due by a hair takes
+// two.
+constexpr double kSubPoseVoxels = 0.55;
+// Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
+// told from their centre.
+constexpr int kBlockEdge = 4;
+constexpr int kBlockVoxels = kBlockEdge * kBlockEdge * kBlockEdge;
 // A cut is carved in proportion to the way, a little ahead of the next one's being due; never less
 // than a few bricks a step, so that it ends when the bur rests.
 constexpr double kAhead = 1.25;
@@ -34,8 +41,8 @@ void Removal::plan(const Pose& pose) noexcept {
   const LevelSet& solid = workpiece_.tooth().solid;
   const double voxel = workpiece_.voxel();
   const double way = displacement(last_, pose);
-  const auto count = static_cast<std::size_t>(
-      std::clamp(std::ceil(way / (voxel / 2)), 1.0, static_cast<double>(kMaxSubPoses)));
+  const auto count = static_cast<std::size_t>(std::clamp(std::ceil(way / (kSubPoseVoxels * voxel)),
+                                                         1.0, static_cast<double>(kMaxSubPoses)));
   sub_poses_.clear();
   Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
   for (std::size_t i = 1; i <= count; ++i) {
@@ -87,47 +94,49 @@ void Removal::carve_some(std::size_t bricks) noexcept {
 void Removal::carve_brick(std::size_t brick) noexcept {
   LevelSet& cut = workpiece_.cut();
   const float band = workpiece_.band();
-  const float voxel = static_cast<float>(workpiece_.voxel());
-  const float half_diagonal = 0.5f * (kBrickEdge - 1) * 1.7320509f * voxel;
+  const auto voxel = static_cast<float>(workpiece_.voxel());
+  const auto half_diagonal = [voxel](int edge) {
+    return 0.5f * static_cast<float>(edge - 1) * 1.7320509f * voxel;
+  };
   const Index3 first = cut.brick_origin(brick);
 
-  alignas(32) float next[kBrickVoxels];  // the largest -d_bur of the sub-poses
+  // The largest -d_bur of the sub-poses.
+  alignas(32) float next[kBrickVoxels];
   bool touched = false;
-  alignas(32) float r[kBrickVoxels], z[kBrickVoxels], d[kBrickVoxels];
   for (const SubPose& s : sub_poses_) {
     const Eigen::Vector3f offset = (first.cast<double>() - s.tip).cast<float>();
-    const float* m = s.to_bur;
-    const auto to_bur = [&](float x, float y, float w) {
-      return Eigen::Vector3f(m[0] * x + m[1] * y + m[2] * w, m[3] * x + m[4] * y + m[5] * w,
-                             m[6] * x + m[7] * y + m[8] * w);
+    const auto distance_at = [&](float x, float y, float z) {
+      const float* m = s.to_bur;
+      const float bx = m[0] * x + m[1] * y + m[2] * z, by = m[3] * x + m[4] * y + m[5] * z,
+                  bz = m[6] * x + m[7] * y + m[8] * z;
+      float r = std::sqrt(bx * bx + by * by), d;
+      bur_.distances(&r, &bz, &d, 1);
+      return d;
     };
     constexpr float kHalf = 0.5f * (kBrickEdge - 1);
-    const Eigen::Vector3f centre =
-        to_bur(offset.x() + kHalf, offset.y() + kHalf, offset.z() + kHalf);
-    const double distance =
-        bur_.distance(std::hypot(centre.x(), centre.y()), static_cast<double>(centre.z()));
-    if (distance > half_diagonal + band) continue;
-    const Eigen::Vector3f start = to_bur(offset.x(), offset.y(), offset.z());
-    for (int i = 0; i < kBrickEdge; ++i)
-      for (int j = 0; j < kBrickEdge; ++j) {
-        const auto fi = static_cast<float>(i), fj = static_cast<float>(j);
-        const float rx = start.x() + m[0] * fi + m[1] * fj, ry = start.y() + m[3] * fi + m[4] * fj,
-                    rz = start.z() + m[6] * fi + m[7] * fj;
-        float* row_r = r + brick_offset(i, j, 0);
-        float* row_z = z + brick_offset(i, j, 0);
-        for (int k = 0; k < kBrickEdge; ++k) {
-          const auto fk = static_cast<float>(k);
-          const float bx = rx + m[2] * fk, by = ry + m[5] * fk;
-          row_r[k] = std::sqrt(bx * bx + by * by);
-          row_z[k] = rz + m[8] * fk;
-        }
-      }
-    bur_.distances(r, z, d, kBrickVoxels);
+    if (distance_at(offset.x() + kHalf, offset.y() + kHalf, offset.z() + kHalf) >
+        half_diagonal(kBrickEdge) + band)
+      continue;
     if (!touched) {
-      for (int v = 0; v < kBrickVoxels; ++v) next[v] = -d[v];
+      std::fill(next, next + kBrickVoxels, -band);
       touched = true;
-    } else {
-      for (int v = 0; v < kBrickVoxels; ++v) next[v] = std::max(next[v], -d[v]);
+    }
+    for (int block = 0; block < 8; ++block) {
+      const int x0 = kBlockEdge * (block >> 2), y0 = kBlockEdge * ((block >> 1) & 1),
+                z0 = kBlockEdge * (block & 1);
+      const float ox = offset.x() + static_cast<float>(x0),
+                  oy = offset.y() + static_cast<float>(y0),
+                  oz = offset.z() + static_cast<float>(z0);
+      constexpr float kHalfBlock = 0.5f * (kBlockEdge - 1);
+      const float centre = distance_at(ox + kHalfBlock, oy + kHalfBlock, oz + kHalfBlock);
+      if (centre > half_diagonal(kBlockEdge) + band) continue;
+      if (centre < -half_diagonal(kBlockEdge) - band) {
+        for (int row = 0; row < kBlockEdge * kBlockEdge; ++row)
+          std::fill_n(next + brick_offset(x0 + row / kBlockEdge, y0 + row % kBlockEdge, z0),
+                      kBlockEdge, band);
+        continue;
+      }
+      carve_block(s, Eigen::Vector3f(ox, oy, oz), next + brick_offset(x0, y0, z0));
     }
   }
   if (!touched) return;
@@ -150,6 +159,31 @@ void Removal::carve_brick(std::size_t brick) noexcept {
   float* target = cut.writable_brick(brick, false);
   if (!target) return;  // cannot happen: the workpiece reserved a place for every brick with tissue
   std::copy(next, next + kBrickVoxels, target);
+}
+
+// next <- max(next, -d_bur) for the 4³ voxels from `offset` (voxels from the tip).
+void Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset, float* next) noexcept {
+  alignas(32) float r[kBlockVoxels], z[kBlockVoxels], d[kBlockVoxels];
+  const float* m = s.to_bur;
+  for (int i = 0; i < kBlockEdge; ++i)
+    for (int j = 0; j < kBlockEdge; ++j) {
+      const float x = offset.x() + static_cast<float>(i), y = offset.y() + static_cast<float>(j);
+      const float rx = m[0] * x + m[1] * y, ry = m[3] * x + m[4] * y, rz = m[6] * x + m[7] * y;
+      const int row = kBlockEdge * (kBlockEdge * i + j);
+      for (int k = 0; k < kBlockEdge; ++k) {
+        const float w = offset.z() + static_cast<float>(k);
+        const float bx = rx + m[2] * w, by = ry + m[5] * w;
+        r[row + k] = std::sqrt(bx * bx + by * by);
+        z[row + k] = rz + m[8] * w;
+      }
+    }
+  bur_.distances(r, z, d, kBlockVoxels);
+  for (int i = 0; i < kBlockEdge; ++i)
+    for (int j = 0; j < kBlockEdge; ++j) {
+      float* row = next + brick_offset(i, j, 0);
+      const float* from = d + kBlockEdge * (kBlockEdge * i + j);
+      for (int k = 0; k < kBlockEdge; ++k) row[k] = std::max(row[k], -from[k]);
+    }
 }
 
 // Volume of what remains in a voxel: (1/2 - phi/D) clamped to [0, 1]; before less after, by tissue.

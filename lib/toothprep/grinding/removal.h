@@ -36,9 +36,14 @@ class Removal {
   const PerTissue<double>& removed() const { return removed_; }
 
  private:
+  struct SubPose {
+    Vec3 tip;         // index coordinates
+    float to_bur[9];  // rotation W -> B times the voxel size, row by row
+  };
   void plan(const Pose& pose) noexcept;
   void carve_some(std::size_t bricks) noexcept;
   void carve_brick(std::size_t brick) noexcept;
+  void carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* next) noexcept;
   void count_removed(std::size_t brick, const float* before, const float* after) noexcept;
   double displacement(const Pose& from, const Pose& to) const noexcept;
 
@@ -49,10 +54,6 @@ class Removal {
   Pose previous_;        // of the step before
 
   // The cut under way: sub-poses, and the box of bricks it may touch with a cursor in it.
-  struct SubPose {
-    Vec3 tip;         // index coordinates
-    float to_bur[9];  // rotation W -> B times the voxel size, row by row
-  };
   std::vector<SubPose> sub_poses_;  // capacity reserved once
   Index3 box_first_ = Index3::Zero(), box_counts_ = Index3::Zero();
   std::size_t cursor_ = 0, box_size_ = 0;

@@ -172,13 +172,10 @@ Session::Trial Session::converge(const CouplingState& state, Vec3 guess, const V
   Trial trial;
   trial.rotation_rate = rotation_rate;
   for (int pass = 0; pass < kMaxPasses; ++pass) {
-    const GrindingResponse response = contact_.response(guess, omega);
-    const bool same = pass > 0 && response.advancing == trial.response.advancing &&
-                      response.signature == trial.response.signature;
-    if (same) break;
-    trial.response = response;
+    trial.response = contact_.response(guess, omega);
     guess = implicit_velocity(parameters_.coupling, parameters_.time_step, state,
-                              response.B / rotation_rate, response.f0 / rotation_rate);
+                              trial.response.B / rotation_rate, trial.response.f0 / rotation_rate);
+    if (contact_.advancing_set(guess, omega) == trial.response.set) break;
   }
   trial.velocity = guess;
   trial.torque = (trial.response.b.dot(guess) + trial.response.t0) / rotation_rate;
