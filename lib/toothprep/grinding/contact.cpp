@@ -55,9 +55,9 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
     ct_[k] = static_cast<float>(ct);
     cn_[k] = static_cast<float>(ct / tissue[k].force_ratio);
   }
-  for (auto* array : {&mx_, &my_, &mz_, &curvature_, &fx_, &fy_, &fz_, &covered_, &contact_.nx,
-                      &contact_.ny, &contact_.nz, &contact_.mx, &contact_.my, &contact_.mz,
-                      &contact_.qx, &contact_.qy, &contact_.qz, &contact_.torque})
+  for (auto* array : {&mx_, &my_, &mz_, &curvature_, &sag_, &fx_, &fy_, &fz_, &covered_,
+                      &contact_.nx, &contact_.ny, &contact_.nz, &contact_.mx, &contact_.my,
+                      &contact_.mz, &contact_.qx, &contact_.qy, &contact_.qz, &contact_.torque})
     array->resize(n);
   for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
   for (auto& array : corner_) array.resize(n);
@@ -68,6 +68,8 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
     my_[i] = e.z[i] * e.nx[i] - e.x[i] * e.nz[i];
     mz_[i] = e.x[i] * e.ny[i] - e.y[i] * e.nx[i];
     curvature_[i] = e.curvature_along[i] + e.curvature_around[i];
+    sag_[i] = 0.5f * (e.curvature_along[i] * e.half_along[i] * e.half_along[i] +
+                      e.curvature_around[i] * e.half_around[i] * e.half_around[i]);
   }
 }
 
@@ -314,7 +316,7 @@ void ContactModel::cover(const float* a, float wall_per_curvature, int begin, in
   const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
   const float *tx = e.tx.data(), *ty = e.ty.data();
   const float *half_along = e.half_along.data(), *half_around = e.half_around.data();
-  const float* curvature = curvature_.data();
+  const float *curvature = curvature_.data(), *sag = sag_.data();
   float* covered = covered_.data();
 #pragma omp simd
   for (int i = begin; i < end; ++i) {
@@ -326,9 +328,9 @@ void ContactModel::cover(const float* a, float wall_per_curvature, int begin, in
     const float gy = a[1] * s.gx + a[4] * s.gy + a[7] * s.gz;
     const float gz = a[2] * s.gx + a[5] * s.gy + a[8] * s.gz;
     const float extent = std::abs(gx * lx[i] + gy * ly[i] + gz * lz[i]) * half_along[i] +
-                         std::abs(gx * tx[i] + gy * ty[i]) * half_around[i] + kLeastExtent;
+                         std::abs(gx * tx[i] + gy * ty[i]) * half_around[i] - sag[i];
     const float value = s.value + wall_per_curvature * curvature[i];
-    const float share = 0.5f - 0.5f * value / extent;
+    const float share = 0.5f - 0.5f * value / (extent > kLeastExtent ? extent : kLeastExtent);
     const float at_least_0 = share > 0 ? share : 0;
     covered[i] = at_least_0 < 1 ? at_least_0 : 1;
   }

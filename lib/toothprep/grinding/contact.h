@@ -113,6 +113,8 @@ class ContactModel {
   // side by side. Fixed:
   std::vector<float> mx_, my_, mz_;  // r x n, mm
   std::vector<float> curvature_;     // sum of the principal curvatures, 1/mm
+  std::vector<float> sag_;  // mm, how far the element's rim lies behind its tangent plane: a wall
+                            // of the same curvature or less that only touches it doesn't cross it
   // Of a sample: the cell (voxel of its lower corner, from the tip's voxel) and the place in it,
   // the cut's values at its corners, and the share of the element that the cut left.
   std::vector<std::int32_t> cell_x_, cell_y_, cell_z_;

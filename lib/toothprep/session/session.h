@@ -12,9 +12,9 @@
 
 namespace toothprep {
 
-// Largest size of the bur's surface elements, mm: the force errs by (size/R)²/24, 0.2 % for the
+// Largest size of the bur's surface elements, mm: the force errs by (size/R)²/24, 0.3 % for the
 // paper's burs, and the step's cost goes with 1/size².
-constexpr double kElementSize = 0.125;
+constexpr double kElementSize = 0.15;
 constexpr double kCatchUpRate =
     1.5707963267948966;  // rad/s (90°/s): turning back to the handle after a stall
 
