@@ -70,7 +70,7 @@ def reachable(rooms, start):
 
 
 def repository_files(root):
-    """The files that git tracks or would add; without git, all but builds and hidden folders."""
+    """The files that git tracks or would add; without git, all but builds, results and hidden folders."""
     try:
         names = subprocess.run(
             ["git", "-c", f"safe.directory={root}", "-C", root, "ls-files", "-z", "--cached", "--others",
@@ -78,7 +78,7 @@ def repository_files(root):
         return [root / n for n in names.decode().split("\0") if n and (root / n).is_file()]
     except (OSError, subprocess.CalledProcessError):
         return [p for p in root.rglob("*") if p.is_file() and not any(
-            part.startswith((".", "build")) for part in p.relative_to(root).parts[:-1])]
+            part.startswith((".", "build", "quickstart-results")) for part in p.relative_to(root).parts[:-1])]
 
 
 def check(root):
