@@ -14,7 +14,8 @@ constexpr double kReachVoxels = 0.1;       // contact is looked for this far ahe
 constexpr double kShankElementSize = 0.4;  // mm
 constexpr int kMaxPasses = 8;              // fixed-point passes for the advancing set
 constexpr int kMaxSamples = 3;             // contact samples of one step, when the motion turns
-constexpr int kMaxRateIterations = 60;     // operating point of the droop model
+constexpr int kMaxDirectIterations = 12;   // operating point of the droop model, before bisection
+constexpr double kRateTolerance = 1e-9;    // of N0
 constexpr double kTinyRate = 1e-6;         // of N0: stands for N -> 0
 
 }  // namespace
@@ -198,9 +199,9 @@ Session::Trial Session::coupled_trial(const CouplingState& state, const Vec3& fi
     return trial;
   }
 
-  // Droop with an imposed force: N = N0 (1 - T(N)/tau_s), with v(N) from the step. The torque
-  // hardly depends on N, so the root is bracketed by (0, N0] and found by bisection unless even N
-  // -> 0 stalls.
+  // Droop with an imposed force: N = N0 (1 - T(N)/tau_s), with v(N) from the step; stalled if even
+  // N -> 0 takes more than tau_s. The torque hardly depends on N, so inserting settles in a few
+  // turns; bisection of (0, N0] is there for when it doesn't.
   if (trial.torque <= 0) return trial;
   const double n0 = handpiece.rotation_rate;
   const Trial slow = converge(state, trial.velocity, omega, kTinyRate * n0);
@@ -209,11 +210,21 @@ Session::Trial Session::coupled_trial(const CouplingState& state, const Vec3& fi
     trial.stalls = true;
     return trial;
   }
+  const auto rate_for = [&](double torque) {
+    return std::max(kTinyRate * n0, n0 * (1 - torque / handpiece.stall_torque));
+  };
+  double rate = rate_for(trial.torque);
+  for (int i = 0; i < kMaxDirectIterations; ++i) {
+    trial = converge(state, trial.velocity, omega, rate);
+    const double next = rate_for(trial.torque);
+    if (std::abs(next - rate) <= kRateTolerance * n0) return trial;
+    rate = next;
+  }
   double low = kTinyRate * n0, high = n0;
-  for (int i = 0; i < kMaxRateIterations && high - low > 1e-12 * n0; ++i) {
+  while (high - low > kRateTolerance * n0) {
     const double middle = (low + high) / 2;
     trial = converge(state, trial.velocity, omega, middle);
-    (n0 * (1 - trial.torque / handpiece.stall_torque) > middle ? low : high) = middle;
+    (rate_for(trial.torque) > middle ? low : high) = middle;
   }
   return trial;
 }
