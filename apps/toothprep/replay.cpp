@@ -183,8 +183,10 @@ void run(const Options& o, const Common& common) {
 
 void print_library() {
   for (const LibraryEntry& entry : list_library(data_folder() + "/burs"))
-    std::cout << format("%-16s %s [%s]\n", entry.name.c_str(), entry.description.c_str(),
-                        entry.source.c_str());
+    std::cout << format("%-16s %-38s %s\n", entry.name.c_str(), entry.shape.c_str(),
+                        entry.description.c_str());
+  std::cerr << "Dimensions in mm; where each comes from stands in " << data_folder()
+            << "/burs/library.toml\n";
 }
 
 }  // namespace
