@@ -194,6 +194,23 @@ TEST(Stall, DirectDriveScalesToTheStallTorqueAndRemovesNothing) {
   EXPECT_NEAR((r.rows.back().bur.position - Vec3(0, -2.5, -1.5)).norm(), 0, 1e-9);
 }
 
+TEST(Stall, DirectDriveKeepsTheForcesDirectionWhileTheHandleTurns) {
+  // The same first step with and without a limit: the stalled force is the free one scaled by
+  // tau_s/T.
+  auto path = straight_path({Vec3(0, -2, -1.5), Vec3(0, -2.01, -1.5)}, 0.5);
+  for (std::size_t i = 1; i < path.size(); ++i)
+    path[i].pose.orientation = Quat(Eigen::AngleAxisd(0.1, Vec3::UnitZ()));
+  Parameters limited = preset_parameters("paper");
+  limited.handpiece.stall_torque = 0.1;
+  const LayeredTooth tooth = block(0.1, 6, Vec3(5, 6, 6));
+  const StepRecord stalled = run(tooth, paper_cylinder(), limited, Drive::kDirect, path).rows[1];
+  const StepRecord free =
+      run(tooth, paper_cylinder(), paper_without_stall(), Drive::kDirect, path).rows[1];
+  ASSERT_TRUE(stalled.stalled);
+  EXPECT_LT((stalled.grinding_force - free.grinding_force * (0.1 / free.torque)).norm(),
+            1e-9 * stalled.grinding_force.norm());
+}
+
 TEST(Droop, ImposedFeedFollowsTheClosedFormAndCollapsesAtHalfTheStallTorque) {
   // T = tau_s/2 (1 - sqrt(1 - uQ/P_max)), P_max = pi N0 tau_s/2, with uQ = u v 2R L for the
   // cylinder.

@@ -41,8 +41,9 @@
 
 namespace toothprep {
 
-// Which elements in contact advance, by their number and the sum of their places: enough to tell
-// whether a set has changed from one trial velocity to the next.
+// Which elements in contact advance, told by their number and the sum of their places: what changes
+// from one trial velocity to the next are neighbours at the border of the set, and that changes one
+// of the two.
 struct AdvancingSet {
   std::int32_t count = 0, places = 0;
   bool operator==(const AdvancingSet&) const = default;
@@ -67,16 +68,15 @@ class ContactModel {
 
   // Finds the elements in contact for a bur at `pose` that moves with trial velocity v (mm/s, B,
   // not zero unless omega turns it) and turns with omega (rad/s, B). `reach` in mm. Elements that
-  // face away from the motion by more than kMarginAngle are left out; see covers(). Allocates
+  // face away from the motion by more than a margin of 8° are left out; see covers(). Allocates
   // nothing.
   void sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v, const Vec3& omega,
               double reach) noexcept;
 
-  // Whether every element that advances with v was considered by the last sample().
+  // Whether every element that advances with v was considered by the last sample(), as far as the
+  // direction of v goes (omega is the handle's and doesn't change within a step).
   bool covers(const Vec3& v) const noexcept;
 
-  // Number of elements in contact after sample().
-  int contacts() const { return count_; }
   // The response with the advancing set {v·n + omega·(r x n) > 0}.
   GrindingResponse response(const Vec3& v, const Vec3& omega) const noexcept;
   AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;
@@ -84,8 +84,6 @@ class ContactModel {
   PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;
   // Whether any element in contact advances.
   bool any_advances(const Vec3& v, const Vec3& omega) const noexcept;
-
-  std::size_t element_count() const { return elements_.size(); }
 
   struct IndexFrame;
 

@@ -151,7 +151,7 @@ void Session::step_direct(const HandleSample& next) noexcept {
     record_.stalled = true;
     record_.torque = handpiece.stall_torque;
     record_.grinding_force =
-        pose_.orientation * unit_force * (handpiece.stall_torque / unit_torque);
+        before.orientation * unit_force * (handpiece.stall_torque / unit_torque);
     totals_.stall_onsets += !stalled_;
   } else if (motor_on) {
     record_work(unit_torque / rate, rate);
