@@ -172,7 +172,7 @@ class Commands(unittest.TestCase):
         self.assert_refused(*with_option("-o", "nowhere/no.h5"), output=None, says="nowhere")
         self.assert_refused(*replay, "--stiffness-n-per-mm", "-1", output="no.h5", says="stiffness")
         self.assert_refused(*replay, "--rotation-rate-rev-s", "0", output="no.h5", says="rotation_rate")
-        self.assert_refused(*replay, "--engine", "voxel", output="no.h5", says="engine")
+        self.assert_refused(*with_option("--bur", "ball:D0.2"), "--engine", "voxel", output="no.h5", says="interior")
 
         with open(self.path("block.vdb"), "rb") as f:
             whole = f.read()

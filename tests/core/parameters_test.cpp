@@ -47,11 +47,14 @@ std::string bits(const Parameters& p) {
   add(p.handpiece.stall_torque);
   add(p.handpiece.clockwise);
   add(static_cast<int>(p.handpiece.model));
+  add(static_cast<int>(p.handpiece.stall_rule));
   add(p.coupling.stiffness);
   add(p.coupling.damping);
   add(p.coupling.bur_mass);
+  add(p.coupling.attached_without_contact);
   add(p.time_step);
   add(static_cast<int>(p.engine));
+  add(p.trailing_elements);
   add(p.rotation_feed);
   return text;
 }
@@ -119,6 +122,27 @@ kind = "voxel"
   EXPECT_EQ(p.time_step, 0.0005);
   EXPECT_FALSE(p.rotation_feed);
   EXPECT_EQ(p.engine, EngineKind::kVoxel);
+}
+
+TEST(Parameters, LiteralReadingsOfThePaperAreOptionsThatSurviveTheRoundTrip) {
+  const Parameters p = parse_parameters(R"(
+[handpiece]
+stall_judged_on = "last_step"
+[coupling]
+attached_without_contact = true
+[engine]
+kind = "voxel"
+trailing_elements = true
+)",
+                                        "p.toml");
+  EXPECT_EQ(p.handpiece.stall_rule, StallRule::kLastStep);
+  EXPECT_TRUE(p.coupling.attached_without_contact);
+  EXPECT_TRUE(p.trailing_elements);
+  EXPECT_EQ(bits(parse_parameters(to_toml(p), "again")), bits(p));
+  EXPECT_THAT(parse_error("[engine]\ntrailing_elements = true"),
+              HasSubstr("engine.trailing_elements: needs kind"));
+  EXPECT_THAT(parse_error("[handpiece]\nstall_judged_on = 'last_step'\nmodel = 'droop'"),
+              HasSubstr("handpiece.stall_judged_on"));
 }
 
 // Eq. 10: 0.4 mN.m/bar at 2.5 bar stalls at 1.0 mN.m.

@@ -24,12 +24,15 @@ std::vector<std::string> all_keys() {
                                    "handpiece.stall_coefficient_mnm_per_bar",
                                    "handpiece.clockwise",
                                    "handpiece.model",
+                                   "handpiece.stall_judged_on",
                                    "coupling.stiffness_n_per_mm",
                                    "coupling.damping_n_s_per_mm",
                                    "coupling.bur_mass_g",
+                                   "coupling.attached_without_contact",
                                    "step.time_step_s",
                                    "step.rotation_feed",
-                                   "engine.kind"};
+                                   "engine.kind",
+                                   "engine.trailing_elements"};
   for (const auto name : kTissueNames)
     for (const char* key : {".specific_energy_j_per_mm3", ".force_ratio"})
       keys.push_back("tissue." + std::string(name) + key);
@@ -89,6 +92,12 @@ std::optional<Violation> first_violation(const Parameters& p) {
   if (!(p.handpiece.stall_torque > 0))  // infinity is allowed: never stalls
     return Violation{"handpiece.stall_torque_mnm",
                      "must be positive (inf: never stalls)" + got(p.handpiece.stall_torque)};
+  if (p.handpiece.stall_rule == StallRule::kLastStep && p.handpiece.model != HandpieceModel::kFixed)
+    return Violation{"handpiece.stall_judged_on",
+                     "\"last_step\" needs model = \"fixed\": the droop model has no torque of its "
+                     "own to judge"};
+  if (p.trailing_elements && p.engine != EngineKind::kVoxel)
+    return Violation{"engine.trailing_elements", "needs kind = \"voxel\""};
   if (auto v = positive(p.coupling.stiffness, "coupling.stiffness_n_per_mm")) return v;
   if (auto v = not_negative(p.coupling.damping, "coupling.damping_n_s_per_mm")) return v;
   if (auto v = positive(p.coupling.bur_mass, "coupling.bur_mass_g")) return v;
@@ -134,6 +143,8 @@ void read_handpiece(StrictTable& table, Handpiece& handpiece) {
   if (const auto x = table.boolean("clockwise")) handpiece.clockwise = *x;
   if (const auto x = table.choice("model", {"fixed", "droop"}))
     handpiece.model = *x == "droop" ? HandpieceModel::kDroop : HandpieceModel::kFixed;
+  if (const auto x = table.choice("stall_judged_on", {"trial", "last_step"}))
+    handpiece.stall_rule = *x == "trial" ? StallRule::kTrial : StallRule::kLastStep;
 }
 
 }  // namespace
@@ -188,6 +199,8 @@ Parameters parse_parameters(const std::string& toml, const std::string& where,
     if (const auto x = coupling->number("stiffness_n_per_mm")) p.coupling.stiffness = *x;
     if (const auto x = coupling->number("damping_n_s_per_mm")) p.coupling.damping = *x;
     read_either(*coupling, "bur_mass_g", "bur_mass_t", units::from_gram, p.coupling.bur_mass);
+    if (const auto x = coupling->boolean("attached_without_contact"))
+      p.coupling.attached_without_contact = *x;
     coupling->done(keys);
   }
   if (auto step = root.table("step")) {
@@ -198,6 +211,7 @@ Parameters parse_parameters(const std::string& toml, const std::string& where,
   if (auto engine = root.table("engine")) {
     if (const auto x = engine->choice("kind", {"levelset", "voxel"}))
       p.engine = *x == "voxel" ? EngineKind::kVoxel : EngineKind::kLevelset;
+    if (const auto x = engine->boolean("trailing_elements")) p.trailing_elements = *x;
     engine->done(keys);
   }
   root.done(keys);
@@ -229,7 +243,9 @@ std::string to_toml(const Parameters& p) {
   text += "\n[handpiece]\nrotation_rate_rev_s = " + toml_number(handpiece.rotation_rate) +
           "\nstall_torque_mnm = " + toml_number(handpiece.stall_torque) +
           "\nclockwise = " + flag(handpiece.clockwise) + "\nmodel = \"" +
-          (handpiece.model == HandpieceModel::kDroop ? "droop" : "fixed") + "\"\n";
+          (handpiece.model == HandpieceModel::kDroop ? "droop" : "fixed") +
+          "\"\nstall_judged_on = \"" +
+          (handpiece.stall_rule == StallRule::kTrial ? "trial" : "last_step") + "\"\n";
   text += "\n[coupling]\nstiffness_n_per_mm = " + toml_number(p.coupling.stiffness) +
           "\ndamping_n_s_per_mm = " + toml_number(p.coupling.damping) + "\n";
   const double mass = p.coupling.bur_mass;
@@ -237,10 +253,12 @@ std::string to_toml(const Parameters& p) {
     text += "bur_mass_g = " + toml_number(*x) + "\n";
   else
     text += "bur_mass_t = " + toml_number(mass) + "\n";
+  text += "attached_without_contact = " + flag(p.coupling.attached_without_contact) + "\n";
   text += "\n[step]\ntime_step_s = " + toml_number(p.time_step) +
           "\nrotation_feed = " + flag(p.rotation_feed) + "\n";
   text += std::string("\n[engine]\nkind = \"") +
-          (p.engine == EngineKind::kVoxel ? "voxel" : "levelset") + "\"\n";
+          (p.engine == EngineKind::kVoxel ? "voxel" : "levelset") +
+          "\"\ntrailing_elements = " + flag(p.trailing_elements) + "\n";
   return text;
 }
 

@@ -20,17 +20,26 @@ enum class HandpieceModel {
   kDroop   // N = N0 (1 - T / stall_torque)
 };
 
+enum class StallRule {
+  kTrial,    // Eq. 11 on the torque of this step's trial velocity, before moving (default)
+  kLastStep  // section 5.2 read literally: on the torque that the last step ended with
+};
+
 struct Handpiece {
   double rotation_rate = 100;  // N (N0 for droop), rev/s, > 0
   double stall_torque = 1.2;   // tau_s, N·mm, > 0; infinity = never stalls
   bool clockwise = true;       // seen from the shank: omega along -z of B
   HandpieceModel model = HandpieceModel::kFixed;
+  StallRule stall_rule = StallRule::kTrial;  // kLastStep only with kFixed
 };
 
 struct Coupling {
   double stiffness = 1.0;  // k_VC, N/mm, > 0
   double damping = 0.0;    // b, N·s/mm, >= 0
   double bur_mass = 8e-6;  // m, N·s²/mm, > 0
+  // Section 5.2, step 2, read literally: without contact the bur is put where the handle is.
+  // Otherwise (default) it follows the handle through the same spring.
+  bool attached_without_contact = false;
 };
 
 enum class EngineKind { kLevelset, kVoxel };
@@ -43,6 +52,7 @@ struct Parameters {
   Coupling coupling;
   double time_step = 1e-3;  // h, s, > 0
   EngineKind engine = EngineKind::kLevelset;
+  bool trailing_elements = false;  // voxel engine: Eq. 8 literally, elements with v·n < 0 pull
   // On: v(s) = v + omega_H x r(s), so that removal and work agree while the handle turns.
   // Off: the paper's reading, one velocity for the whole bur.
   bool rotation_feed = true;

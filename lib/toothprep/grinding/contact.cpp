@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toothprep/core/units.h"
-
 namespace toothprep {
 namespace {
 
@@ -48,20 +46,12 @@ struct ContactModel::IndexFrame {
 
 ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
                            const PerTissue<GrindingProperties>& tissue)
-    : elements_(bur.elements(element_size, clockwise)) {
+    : elements_(bur.elements(element_size, clockwise)), contact_(elements_.size(), tissue, false) {
   const std::size_t n = elements_.size();
-  for (int k = 0; k < kTissueCount; ++k) {
-    const double ct = tissue[k].specific_energy / (2 * units::kPi);
-    ct_[k] = static_cast<float>(ct);
-    cn_[k] = static_cast<float>(ct / tissue[k].force_ratio);
-  }
-  for (auto* array : {&mx_, &my_, &mz_, &curvature_, &sag_, &fx_, &fy_, &fz_, &covered_,
-                      &contact_.nx, &contact_.ny, &contact_.nz, &contact_.mx, &contact_.my,
-                      &contact_.mz, &contact_.qx, &contact_.qy, &contact_.qz, &contact_.torque})
+  for (auto* array : {&mx_, &my_, &mz_, &curvature_, &sag_, &fx_, &fy_, &fz_, &covered_})
     array->resize(n);
   for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
   for (auto& array : corner_) array.resize(n);
-  contact_.area.resize(n);
   const SurfaceElements& e = elements_;
   for (std::size_t i = 0; i < n; ++i) {
     mx_[i] = e.y[i] * e.nz[i] - e.z[i] * e.ny[i];
@@ -179,7 +169,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
 
   // Pass 4: the tooth's own surface and the tissues, where there are several.
   const LevelSet& solid = workpiece.tooth().solid;
-  count_ = 0;
+  contact_.clear();
   for (int c = 0; c < near; ++c) {
     const int i = candidates_[c];
     float covered = covered_[i];
@@ -220,25 +210,9 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
 
 void ContactModel::add_contact(int i, const PerTissue<float>& share) noexcept {
   const SurfaceElements& e = elements_;
-  float t = 0, m = 0;
-  for (int k = 0; k < kTissueCount; ++k) {
-    t += share[k] * ct_[k];
-    m += share[k] * cn_[k];
-    contact_.area[count_][k] = share[k] * e.area[i];
-  }
-  t *= e.weight[i];
-  m *= e.weight[i];
-  contact_.nx[count_] = e.nx[i];
-  contact_.ny[count_] = e.ny[i];
-  contact_.nz[count_] = e.nz[i];
-  contact_.mx[count_] = mx_[i];
-  contact_.my[count_] = my_[i];
-  contact_.mz[count_] = mz_[i];
-  contact_.qx[count_] = t * e.tx[i] - m * e.nx[i];
-  contact_.qy[count_] = t * e.ty[i] - m * e.ny[i];
-  contact_.qz[count_] = -m * e.nz[i];
-  contact_.torque[count_] = t * e.radius[i];
-  ++count_;
+  contact_.add(
+      {e.nx[i], e.ny[i], e.nz[i], mx_[i], my_[i], mz_[i], e.tx[i], e.ty[i], e.weight[i], e.area[i]},
+      share);
 }
 
 // Pass 1 with one velocity for all elements.
@@ -339,81 +313,6 @@ void ContactModel::cover(const float* a, float wall_per_curvature, int begin, in
 bool ContactModel::covers(const Vec3& v) const noexcept {
   const double speed = v.norm();
   return speed == 0 || v.dot(sampled_direction_) >= kMarginCosine * speed;
-}
-
-GrindingResponse ContactModel::response(const Vec3& v, const Vec3& omega) const noexcept {
-  const int n = count_;
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
-  const float *nx = contact_.nx.data(), *ny = contact_.ny.data(), *nz = contact_.nz.data();
-  const float *mx = contact_.mx.data(), *my = contact_.my.data(), *mz = contact_.mz.data();
-  const float *qx = contact_.qx.data(), *qy = contact_.qy.data(), *qz = contact_.qz.data();
-  const float* p = contact_.torque.data();
-  float b00 = 0, b01 = 0, b02 = 0, b10 = 0, b11 = 0, b12 = 0, b20 = 0, b21 = 0, b22 = 0;
-  float t0 = 0, t1 = 0, t2 = 0;
-#pragma omp simd reduction(+ : b00, b01, b02, b10, b11, b12, b20, b21, b22, t0, t1, t2)
-  for (int i = 0; i < n; ++i) {
-    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
-    const bool advances = s > 0;
-    const float x = advances ? qx[i] : 0, y = advances ? qy[i] : 0, z = advances ? qz[i] : 0;
-    const float torque = advances ? p[i] : 0;
-    b00 += x * nx[i], b01 += x * ny[i], b02 += x * nz[i];
-    b10 += y * nx[i], b11 += y * ny[i], b12 += y * nz[i];
-    b20 += z * nx[i], b21 += z * ny[i], b22 += z * nz[i];
-    t0 += torque * nx[i], t1 += torque * ny[i], t2 += torque * nz[i];
-  }
-  GrindingResponse r;
-  r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
-  r.b = Vec3(t0, t1, t2);
-  r.set = advancing_set(v, omega);
-  if (omega.squaredNorm() > 0) {
-    float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
-#pragma omp simd reduction(+ : f0, f1, f2, torque0)
-    for (int i = 0; i < n; ++i) {
-      const float turn = mx[i] * ox + my[i] * oy + mz[i] * oz;
-      const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + turn;
-      const float w = s > 0 ? turn : 0;
-      f0 += w * qx[i], f1 += w * qy[i], f2 += w * qz[i];
-      torque0 += w * p[i];
-    }
-    r.f0 = Vec3(f0, f1, f2);
-    r.t0 = torque0;
-  }
-  return r;
-}
-
-AdvancingSet ContactModel::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
-  const float *nx = contact_.nx.data(), *ny = contact_.ny.data(), *nz = contact_.nz.data();
-  const float *mx = contact_.mx.data(), *my = contact_.my.data(), *mz = contact_.mz.data();
-  std::int32_t count = 0, places = 0;
-  const int n = count_;
-#pragma omp simd reduction(+ : count, places)
-  for (int i = 0; i < n; ++i) {
-    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
-    count += s > 0 ? 1 : 0;
-    places += s > 0 ? i : 0;
-  }
-  return {count, places};
-}
-
-PerTissue<double> ContactModel::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  PerTissue<float> sum{};
-  for (int i = 0; i < count_; ++i) {
-    const float s = contact_.nx[i] * vf.x() + contact_.ny[i] * vf.y() + contact_.nz[i] * vf.z() +
-                    contact_.mx[i] * of.x() + contact_.my[i] * of.y() + contact_.mz[i] * of.z();
-    for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? contact_.area[i][k] : 0;
-  }
-  PerTissue<double> area{};
-  for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k];
-  return area;
-}
-
-bool ContactModel::any_advances(const Vec3& v, const Vec3& omega) const noexcept {
-  const PerTissue<double> area = advancing_area(v, omega);
-  return std::any_of(area.begin(), area.end(), [](double a) { return a > 0; });
 }
 
 double shank_contact_area(const SurfaceElements& shank, const Workpiece& workpiece,

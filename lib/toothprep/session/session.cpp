@@ -6,11 +6,11 @@
 
 #include "toothprep/core/errors.h"
 #include "toothprep/core/units.h"
+#include "toothprep/grinding/contact.h"
 
 namespace toothprep {
 namespace {
 
-constexpr double kReachVoxels = 0.1;       // contact is looked for this far ahead of the skin
 constexpr double kShankElementSize = 0.4;  // mm
 constexpr int kMaxPasses = 8;              // fixed-point passes for the advancing set
 constexpr int kMaxSamples = 3;             // contact samples of one step, when the motion turns
@@ -26,20 +26,13 @@ Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& paramet
       workpiece_(workpiece),
       parameters_(parameters),
       drive_(drive),
-      contact_(bur, element_size, parameters.handpiece.clockwise, parameters.tissue),
       shank_(bur.shank_elements(kShankElementSize)),
-      removal_(bur, workpiece, first.pose),
       pose_(first.pose),
       handle_(first) {
-  if (parameters.engine != EngineKind::kLevelset)
-    throw Error("engine.kind: the voxel engine is not available in this version; use \"levelset\"");
-  if (bur.max_radius() < workpiece.voxel())
-    throw Error("bur " + bur.name() + ": its diameter of " + std::to_string(2 * bur.max_radius()) +
-                " mm is less than two voxels of the tooth (" + std::to_string(workpiece.voxel()) +
-                " mm); voxelize the tooth finer");
   if (!first.pose.position.allFinite() || !first.pose.orientation.coeffs().allFinite())
     throw Error("the first handle pose is not finite");
-  totals_.initial_overlap = removal_.clear(first.pose);
+  engine_ = make_engine(bur, workpiece, parameters, first.pose, element_size);
+  totals_.initial_overlap = engine_->clear(first.pose);
   record_.handle = first;
   record_.bur = first.pose;
 }
@@ -58,9 +51,9 @@ StepRecord Session::step(const HandleSample& next) noexcept {
 
   record_.bur = pose_;
   record_.bur_velocity = velocity_;
-  record_.removed_volume = removal_.removed();
+  record_.removed_volume = engine_->removed();
   record_.shank_contact_area = shank_contact_area(shank_, workpiece_, pose_);
-  totals_.removed = removal_.removed();
+  totals_.removed = engine_->removed();
   totals_.stalled_steps += record_.stalled;
   totals_.shank_contact_steps += record_.shank_contact_area > 0;
   totals_.contact_steps +=
@@ -71,9 +64,9 @@ StepRecord Session::step(const HandleSample& next) noexcept {
 }
 
 void Session::finish(StepRecord& last) noexcept {
-  removal_.finish(pose_);
-  totals_.removed = removal_.removed();
-  last.removed_volume = removal_.removed();
+  engine_->finish(pose_);
+  totals_.removed = engine_->removed();
+  last.removed_volume = engine_->removed();
 }
 
 // The orientation is the handle's; after a stall that held it, it catches up at a limited rate.
@@ -95,8 +88,10 @@ void Session::turn_to(const Quat& handle) noexcept {
           : Vec3(Vec3::Zero());
 }
 
-void Session::sample_contact(const Vec3& velocity, const Vec3& omega) noexcept {
-  contact_.sample(workpiece_, pose_, velocity, omega, kReachVoxels * workpiece_.voxel());
+// What Eq. 11 is judged on: the torque of this step's trial or, read literally, the torque that the
+// step before ended with.
+double Session::judged_torque(double trial) const noexcept {
+  return parameters_.handpiece.stall_rule == StallRule::kLastStep ? last_torque_ : trial;
 }
 
 void Session::record_work(double torque, double rotation_rate) noexcept {
@@ -119,9 +114,9 @@ void Session::step_direct(const HandleSample& next) noexcept {
   // Contact and force at the imposed velocity.
   GrindingResponse response;
   if (motor_on && moves) {
-    sample_contact(v, omega);
-    response = contact_.response(v, omega);
-    record_.contact_area = contact_.advancing_area(v, omega);
+    engine_->sample(pose_, v, omega);
+    response = contact().response(v, omega);
+    record_.contact_area = contact().advancing_area(v, omega);
   }
   const double unit_torque = response.b.dot(v) + response.t0;  // at 1 rev/s
   const Vec3 unit_force = response.B * v + response.f0;
@@ -138,7 +133,7 @@ void Session::step_direct(const HandleSample& next) noexcept {
       rate *= (1 + std::sqrt(std::max(rest, 0.0))) / 2;
       record_.torque_trial = unit_torque / rate;
     } else {
-      record_.torque_trial = unit_torque / rate;
+      record_.torque_trial = judged_torque(unit_torque / rate);
       stalls = record_.torque_trial > handpiece.stall_torque;
     }
   }
@@ -158,11 +153,12 @@ void Session::step_direct(const HandleSample& next) noexcept {
     record_.grinding_force = before.orientation * unit_force / rate;
   }
   stalled_ = stalls;
+  last_torque_ = stalls ? 0 : record_.torque;
   record_.device_force = record_.grinding_force;
   if (motor_on && !stalls) {
-    removal_.advance(pose_);
+    engine_->advance(pose_);
   } else {
-    removal_.pause(before);
+    engine_->pause(before);
   }
 }
 
@@ -173,10 +169,10 @@ Session::Trial Session::converge(const CouplingState& state, Vec3 guess, const V
   Trial trial;
   trial.rotation_rate = rotation_rate;
   for (int pass = 0; pass < kMaxPasses; ++pass) {
-    trial.response = contact_.response(guess, omega);
+    trial.response = contact().response(guess, omega);
     guess = implicit_velocity(parameters_.coupling, parameters_.time_step, state,
                               trial.response.B / rotation_rate, trial.response.f0 / rotation_rate);
-    if (contact_.advancing_set(guess, omega) == trial.response.set) break;
+    if (contact().advancing_set(guess, omega) == trial.response.set) break;
   }
   trial.velocity = guess;
   trial.torque = (trial.response.b.dot(guess) + trial.response.t0) / rotation_rate;
@@ -189,13 +185,13 @@ Session::Trial Session::coupled_trial(const CouplingState& state, const Vec3& fi
   Vec3 guess = first_guess;
   Trial trial;
   for (int attempt = 0; attempt < kMaxSamples; ++attempt) {
-    sample_contact(guess, omega);
+    engine_->sample(pose_, guess, omega);
     trial = converge(state, guess, omega, handpiece.rotation_rate);
-    if (contact_.covers(trial.velocity)) break;
+    if (engine_->covers(trial.velocity)) break;
     guess = trial.velocity;
   }
   if (handpiece.model == HandpieceModel::kFixed || !std::isfinite(handpiece.stall_torque)) {
-    trial.stalls = trial.torque > handpiece.stall_torque;
+    trial.stalls = judged_torque(trial.torque) > handpiece.stall_torque;
     return trial;
   }
 
@@ -240,7 +236,8 @@ void Session::step_coupled(const HandleSample& next) noexcept {
   // flicker.
   CouplingState state;
   state.position = Vec3::Zero();
-  state.velocity = to_b * (stalled_ ? judged_velocity_ : velocity_);
+  const bool goes_on = stalled_ && parameters_.handpiece.stall_rule == StallRule::kTrial;
+  state.velocity = to_b * (goes_on ? judged_velocity_ : velocity_);
   state.handle_position = to_b * (next.pose.position - pose_.position);
   state.handle_velocity = to_b * (next.pose.position - handle_.pose.position) / h;
   Vec3 omega = parameters_.rotation_feed ? turn_rate_ : Vec3(Vec3::Zero());
@@ -256,8 +253,8 @@ void Session::step_coupled(const HandleSample& next) noexcept {
     // T = 0: the bur moves freely unless an element in contact would advance.
     trial.velocity = implicit_velocity(coupling, h, state, Mat3::Zero(), Vec3::Zero());
     if (trial.velocity.squaredNorm() > 0 || omega.squaredNorm() > 0) {
-      sample_contact(trial.velocity, omega);
-      holds = contact_.any_advances(trial.velocity, omega);
+      engine_->sample(pose_, trial.velocity, omega);
+      holds = contact().any_advances(trial.velocity, omega);
     }
     stalled_ = false;
   } else if (moves) {
@@ -268,7 +265,7 @@ void Session::step_coupled(const HandleSample& next) noexcept {
       turned_ = pose_.orientation;
       trial = coupled_trial(state, guess, omega);
     }
-    record_.torque_trial = trial.torque;
+    record_.torque_trial = judged_torque(trial.torque);
     totals_.stall_onsets += trial.stalls && !stalled_;
     judged_velocity_ = pose_.orientation * trial.velocity;
     stalled_ = trial.stalls;
@@ -279,9 +276,14 @@ void Session::step_coupled(const HandleSample& next) noexcept {
   }
 
   const Pose before = pose_;
+  const bool attached =
+      coupling.attached_without_contact && motor_on && !holds && trial.response.set.count == 0;
   if (holds) {
     velocity_.setZero();
     catching_up_ = true;
+  } else if (attached) {
+    pose_ = Pose{next.pose.position, turned_};
+    velocity_ = (next.pose.position - handle_.pose.position) / h;
   } else {
     velocity_ = before.orientation * trial.velocity;
     pose_.position += h * velocity_;
@@ -308,12 +310,13 @@ void Session::step_coupled(const HandleSample& next) noexcept {
     record_work(trial.torque, trial.rotation_rate);
   }
   if (motor_on && (moves || stalled_))
-    record_.contact_area = contact_.advancing_area(trial.velocity, omega);
+    record_.contact_area = contact().advancing_area(trial.velocity, omega);
 
-  if (!motor_on) {
-    removal_.pause(before);
+  last_torque_ = stalled_ ? 0 : record_.torque;
+  if (!motor_on || attached) {
+    engine_->pause(before);
   } else if (!stalled_) {
-    removal_.advance(pose_);
+    engine_->advance(pose_);
   }
 }
 

@@ -2,12 +2,13 @@
 // and removal. Replay and live drive the same step.
 #pragma once
 
+#include <memory>
+
 #include "toothprep/bur/bur.h"
 #include "toothprep/core/parameters.h"
 #include "toothprep/core/step_record.h"
 #include "toothprep/coupling/implicit_step.h"
-#include "toothprep/grinding/contact.h"
-#include "toothprep/grinding/removal.h"
+#include "toothprep/grinding/engine.h"
 #include "toothprep/grinding/workpiece.h"
 
 namespace toothprep {
@@ -34,8 +35,7 @@ struct SessionTotals {
 class Session {
  public:
   // Keeps references to bur and workpiece. `parameters` must be valid (core/parameters.h); throws
-  // Error if the bur is thinner than two voxels or the engine isn't available. Tissue inside the
-  // bur at `first` is removed.
+  // Error as make_engine() does. Tissue inside the bur at `first` is removed.
   Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
           const HandleSample& first, double element_size = kElementSize);
 
@@ -67,22 +67,23 @@ class Session {
                       const Vec3& omega) noexcept;
   Trial converge(const CouplingState& state, Vec3 guess, const Vec3& omega,
                  double rotation_rate) const noexcept;
-  void sample_contact(const Vec3& velocity, const Vec3& omega) noexcept;
+  double judged_torque(double trial) const noexcept;
+  const ContactSet& contact() const noexcept { return engine_->contact(); }
   void record_work(double torque, double rotation_rate) noexcept;
 
   const Bur& bur_;
   Workpiece& workpiece_;
   Parameters parameters_;
   Drive drive_;
-  ContactModel contact_;
+  std::unique_ptr<GrindingEngine> engine_;
   SurfaceElements shank_;
-  Removal removal_;
 
   // State.
   Pose pose_;                            // the bur
   Vec3 velocity_ = Vec3::Zero();         // mm/s, W
   Vec3 judged_velocity_ = Vec3::Zero();  // mm/s, W: of the last trial while stalled
   bool stalled_ = false;
+  double last_torque_ = 0;    // N·mm, that the last step ended with
   bool catching_up_ = false;  // orientation held by a stall and not yet the handle's again
   HandleSample handle_;
 
