@@ -1,0 +1,45 @@
+// A tick of the device and of the rendering allocates nothing: global operator new counts calls. A
+// program of its own, since it replaces the global operators.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <new>
+
+#include "toothprep/device/linear_damper_loop.h"
+
+namespace {
+long allocations = 0;
+}
+
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* p = std::malloc(size)) return p;
+  throw std::bad_alloc();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+namespace toothprep::testing {
+namespace {
+
+TEST(DeviceNoAllocation, TicksAllocateNothing) {
+  PhantomModel model;
+  model.delay_ticks = 2;
+  for (const Rendering rendering : {Rendering::kDirect, Rendering::kCoupled}) {
+    SimulatedPhantom phantom(model, HandModel{}, Vec3::Zero());
+    LinearDamper render(rendering, 0.1, model.time_step(), Coupling{}, Vec3::Zero());
+    const long before = allocations;
+    for (int n = 1; n <= 500; ++n) {
+      const Vec3 force = render(static_cast<std::size_t>(n), phantom.encoder_position());
+      phantom.tick(force, Vec3(0.01, -0.02, 0.005) * n);
+    }
+    EXPECT_EQ(allocations, before);
+    EXPECT_GT(phantom.true_position().norm(), 0.1);  // it did move
+  }
+  const long counted = allocations;
+  std::vector<int> one(1);
+  EXPECT_EQ(allocations, counted + 1) << one.size();  // the counter itself works
+}
+
+}  // namespace
+}  // namespace toothprep::testing
