@@ -131,9 +131,12 @@ void add_elements(SurfaceElements& out, const ProfilePiece& piece, double size, 
     if (out.size() + 4u * quarter > 20'000'000u)
       throw Error("bur elements: a size of " + std::to_string(size) +
                   " mm gives more than 20 million elements; choose a larger one");
-    // Each ring is turned against the one before by the golden ratio of its spacing: a plane that
-    // the bur meets then switches elements on one by one instead of a whole column at once.
-    const double phase = kGoldenRatio * i - std::floor(kGoldenRatio * i);
+    // Rings are turned against each other by the golden ratio of their spacing: a plane that the
+    // bur meets then switches elements on one by one instead of a whole column at once. Counted
+    // from the piece's middle, so that the two halves of a ball mirror each other and their axial
+    // forces cancel.
+    const double turns = kGoldenRatio * (std::abs(2 * i - (rings - 1)) / 2);
+    const double phase = turns - std::floor(turns);
     const double around = p.r > 0 ? p.along_z / p.r : 0;
     const double along = piece.kind == ProfilePiece::Kind::kArc
                              ? (piece.convex ? 1 : -1) /

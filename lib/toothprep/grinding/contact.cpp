@@ -210,9 +210,9 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
 
 void ContactModel::add_contact(int i, const PerTissue<float>& share) noexcept {
   const SurfaceElements& e = elements_;
-  contact_.add(
-      {e.nx[i], e.ny[i], e.nz[i], mx_[i], my_[i], mz_[i], e.tx[i], e.ty[i], e.weight[i], e.area[i]},
-      share);
+  contact_.add({e.nx[i], e.ny[i], e.nz[i], mx_[i], my_[i], mz_[i], e.tx[i], e.ty[i], e.weight[i],
+                e.radius[i], e.area[i]},
+               share);
 }
 
 // Pass 1 with one velocity for all elements.

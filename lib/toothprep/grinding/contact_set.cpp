@@ -36,7 +36,7 @@ void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
   qx_[count_] = e.weight * (t * e.tx - m * e.nx);
   qy_[count_] = e.weight * (t * e.ty - m * e.ny);
   qz_[count_] = e.weight * (-m * e.nz);
-  torque_[count_] = t * e.area;
+  torque_[count_] = t * e.weight * e.arm;
   ++count_;
 }
 

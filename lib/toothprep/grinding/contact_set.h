@@ -62,7 +62,8 @@ class ContactSet {
     float mx, my, mz;  // r x n_n, mm
     float tx, ty;      // n_t
     float weight;      // dphi dl, mm
-    float area;        // ds, mm²; the torque's factor r dphi dl
+    float arm;         // r, mm
+    float area;        // ds, mm²
   };
 
   void clear() noexcept { count_ = 0; }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace toothprep {
 namespace {
@@ -18,6 +19,9 @@ constexpr int kBlockVoxels = kBlockEdge * kBlockEdge * kBlockEdge;
 // than a few bricks a step, so that it ends when the bur rests.
 constexpr double kAhead = 1.25;
 constexpr std::size_t kLeastBricks = 4;
+// The bricks of a cut are visited in leaps of about this part of it, so that those with much to
+// carve and those with nothing come evenly.
+constexpr double kLeap = 0.618;
 
 }  // namespace
 
@@ -28,6 +32,7 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
       last_(pose),
       previous_(pose) {
   sub_poses_.reserve(kMaxSubPoses);
+  carved_.reserve(workpiece.spare_bricks());
 }
 
 double Removal::displacement(const Pose& from, const Pose& to) const noexcept {
@@ -73,6 +78,8 @@ void Removal::plan(const Pose& pose) noexcept {
   }
   box_size_ = static_cast<std::size_t>(box_counts_.x()) * box_counts_.y() * box_counts_.z();
   cursor_ = 0;
+  stride_ = static_cast<std::size_t>(kLeap * static_cast<double>(box_size_)) | 1u;
+  while (std::gcd(stride_, box_size_) > 1) stride_ += 2;
 }
 
 void Removal::carve_some(std::size_t bricks) noexcept {
@@ -80,15 +87,31 @@ void Removal::carve_some(std::size_t bricks) noexcept {
   const LevelSet& cut = workpiece_.cut();
   const std::size_t end = std::min(box_size_, cursor_ + bricks);
   for (; cursor_ < end; ++cursor_) {
-    const auto z = static_cast<int>(cursor_ % box_counts_.z());
-    const auto y = static_cast<int>(cursor_ / box_counts_.z() % box_counts_.y());
-    const auto x = static_cast<int>(cursor_ / box_counts_.z() / box_counts_.y());
+    const std::size_t at = cursor_ * stride_ % box_size_;
+    const auto z = static_cast<int>(at % box_counts_.z());
+    const auto y = static_cast<int>(at / box_counts_.z() % box_counts_.y());
+    const auto x = static_cast<int>(at / box_counts_.z() / box_counts_.y());
     const Index3 voxel = (box_first_ + Index3(x, y, z)) * kBrickEdge;
     const auto b = static_cast<std::size_t>(solid.brick_index(voxel.x(), voxel.y(), voxel.z()));
     if (solid.is_uniform(b) && solid.uniform_value(b) > 0) continue;  // no tissue here
     if (cut.is_uniform(b) && cut.uniform_value(b) > 0) continue;      // nothing left
+    // A sweep that is larger than what can be kept apart comes in several parts.
+    if (carved_.size() == carved_.capacity()) apply();
     carve_brick(b);
   }
+  if (cursor_ >= box_size_) apply();
+}
+
+// Puts everything carved in place.
+void Removal::apply() noexcept {
+  LevelSet& cut = workpiece_.cut();
+  for (const Carved& c : carved_) {
+    if (c.values)
+      cut.put_brick(c.brick, c.values);
+    else
+      cut.put_constant(c.brick, Workpiece::kAllCut);
+  }
+  carved_.clear();
 }
 
 void Removal::carve_brick(std::size_t brick) noexcept {
@@ -153,12 +176,13 @@ void Removal::carve_brick(std::size_t brick) noexcept {
   if (changed == 0) return;
   count_removed(brick, before, next);
   if (all_cut) {
-    cut.set_uniform(brick, band);
+    carved_.push_back({brick, nullptr});
     return;
   }
-  float* target = cut.writable_brick(brick, false);
-  if (!target) return;  // cannot happen: the workpiece reserved a place for every brick with tissue
-  std::copy(next, next + kBrickVoxels, target);
+  float* values = cut.take_brick();
+  if (!values) return;  // cannot happen: the workpiece reserved enough
+  std::copy(next, next + kBrickVoxels, values);
+  carved_.push_back({brick, values});
 }
 
 // next <- max(next, -d_bur) for the 4³ voxels from `offset` (voxels from the tip).

@@ -3,9 +3,10 @@
 //
 // A cut is due when the bur has moved one voxel since the last (Eq. 20 as a distance: it needs no
 // clock). A cut sweeps the bur from its last cut pose to the present one in sub-poses of at most
-// half a voxel, so that a fast move can't jump over tissue, and its work is spread over the
-// following steps brick by brick, so that no step pays for a whole cut. Contact doesn't wait for
-// it: until a brick is carved the bur meets the same tissue a little deeper inside its skin.
+// half a voxel, so that a fast move can't jump over tissue. Its work is spread over the following
+// steps, brick by brick, so that no step pays for a whole cut; the carved bricks are put in place
+// all at once when the last is done, so that contact never reads a field that is half carved. Until
+// then the bur meets the same tissue a little deeper inside its skin.
 #pragma once
 
 #include <vector>
@@ -42,6 +43,7 @@ class Removal {
   };
   void plan(const Pose& pose) noexcept;
   void carve_some(std::size_t bricks) noexcept;
+  void apply() noexcept;
   void carve_brick(std::size_t brick) noexcept;
   void carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* next) noexcept;
   void count_removed(std::size_t brick, const float* before, const float* after) noexcept;
@@ -56,7 +58,13 @@ class Removal {
   // The cut under way: sub-poses, and the box of bricks it may touch with a cursor in it.
   std::vector<SubPose> sub_poses_;  // capacity reserved once
   Index3 box_first_ = Index3::Zero(), box_counts_ = Index3::Zero();
-  std::size_t cursor_ = 0, box_size_ = 0;
+  std::size_t cursor_ = 0, box_size_ = 0, stride_ = 1;
+  // Carved and not yet in place: the brick and its new values, null for all cut.
+  struct Carved {
+    std::size_t brick;
+    const float* values;
+  };
+  std::vector<Carved> carved_;  // capacity reserved once
   PerTissue<double> removed_{};
   bool paused_ = false;
   Pose pause_pose_;

@@ -7,6 +7,7 @@
 namespace toothprep {
 namespace {
 
+constexpr std::size_t kMostSpareBricks = 8192;
 constexpr int kLabelMargin = 2;  // voxels that labels are extended into the air
 
 // One layer: every air voxel near the surface takes the label of its nearest labelled neighbour
@@ -63,7 +64,9 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
   std::size_t not_void = 0;
   for (std::size_t b = 0; b < solid.table_size(); ++b)
     not_void += !(solid.is_uniform(b) && solid.uniform_value(b) > 0);
-  cut_.reserve(not_void);
+  // A cut carves the bricks of one head, a few thousand at the finest voxels.
+  spare_bricks_ = std::min<std::size_t>(not_void, kMostSpareBricks);
+  cut_.reserve(not_void + spare_bricks_);
 
   // Per brick: a bit for each label in it, and whether it is inside as a whole.
   std::vector<std::uint8_t> present(solid.table_size(), 0);

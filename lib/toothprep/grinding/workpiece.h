@@ -24,6 +24,10 @@ class Workpiece {
   const Lattice& lattice() const { return tooth_.lattice; }
   double voxel() const { return tooth_.lattice.voxel; }
   float band() const { return band_; }
+  // Number of the cut's constant for a brick of which nothing is left (BrickGrid::put_constant).
+  static constexpr std::uint32_t kAllCut = 0;
+  // Bricks that can be carved apart before they are put in place, beyond those that tissue takes.
+  std::size_t spare_bricks() const { return spare_bricks_; }
   const LevelSet& cut() const { return cut_; }
   LevelSet& cut() { return cut_; }
 
@@ -50,6 +54,7 @@ class Workpiece {
   const LayeredTooth& tooth_;
   float band_;
   LevelSet cut_;
+  std::size_t spare_bricks_;
   LabelGrid labels_;
   std::vector<CellsOfBrick> cells_;
 };

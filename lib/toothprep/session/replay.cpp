@@ -10,10 +10,10 @@ namespace toothprep {
 
 ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
                     const std::vector<HandleSample>& path,
-                    const std::function<void(double)>& progress) {
+                    const std::function<void(double)>& progress, double element_size) {
   if (path.size() < 2) throw Error("a trajectory needs at least two samples");
   using Clock = std::chrono::steady_clock;
-  Session session(bur, workpiece, parameters, drive, path.front());
+  Session session(bur, workpiece, parameters, drive, path.front(), element_size);
   ReplayResult result;
   result.rows.reserve(path.size());
   result.rows.push_back(session.initial());

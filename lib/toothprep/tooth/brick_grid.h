@@ -51,7 +51,11 @@ class BrickGrid {
     for (std::uint32_t c = 1; c < constants_; ++c) fill_brick(c, constants[c - 1]);
   }
   BrickGrid(const BrickGrid& o)
-      : first_(o.first_), counts_(o.counts_), constants_(o.constants_), top_(o.top_) {
+      : first_(o.first_),
+        counts_(o.counts_),
+        constants_(o.constants_),
+        top_(o.top_),
+        spare_(o.spare_) {
     if (o.capacity_ == 0) return;
     grow(o.used_);
     used_ = o.used_;
@@ -99,16 +103,39 @@ class BrickGrid {
   // bricks_free() > 0; returns null when the pool is exhausted and `may_grow` is false.
   T* writable_brick(std::size_t index, bool may_grow = true) {
     if (is_uniform(index)) {
-      if (used_ == capacity_) {
+      if (bricks_free() == 0) {
         if (!may_grow) return nullptr;
         grow(capacity_ + capacity_ / 2 + 64);
       }
-      std::memcpy(pool_.get() + static_cast<std::size_t>(used_) * kBrickVoxels, brick(index),
-                  sizeof(T) * kBrickVoxels);
-      top_[index] = used_++;
+      T* slot = take_brick();
+      std::memcpy(slot, brick(index), sizeof(T) * kBrickVoxels);
+      put_brick(index, slot);
     }
     return pool_.get() + static_cast<std::size_t>(top_[index]) * kBrickVoxels;
   }
+  // Bricks apart from the table: one is taken, filled, and put in place of what stands there, so
+  // that readers see a whole change at once. Never allocates while bricks_free() > 0 or bricks were
+  // put back; null when there is none. `put` gives the brick's former storage back for the next
+  // taker.
+  T* take_brick() {
+    if (!spare_.empty()) {
+      const std::uint32_t slot = spare_.back();
+      spare_.pop_back();
+      return pool_.get() + static_cast<std::size_t>(slot) * kBrickVoxels;
+    }
+    if (used_ == capacity_) return nullptr;
+    return pool_.get() + static_cast<std::size_t>(used_++) * kBrickVoxels;
+  }
+  void put_brick(std::size_t index, const T* taken) {
+    give_back(index);
+    top_[index] = static_cast<std::uint32_t>((taken - pool_.get()) / kBrickVoxels);
+  }
+  // As set_uniform() with constant number c of the constructor's list, giving the storage back.
+  void put_constant(std::size_t index, std::uint32_t c) {
+    give_back(index);
+    top_[index] = c + 1;
+  }
+
   // Makes the brick uniform when `value` is one of the constants; its storage is not reused.
   void set_uniform(std::size_t index, T value) {
     for (std::uint32_t c = 0; c < constants_; ++c)
@@ -127,10 +154,11 @@ class BrickGrid {
     std::memcpy(writable_brick(index), values, sizeof(T) * kBrickVoxels);
   }
 
-  std::size_t bricks_stored() const { return used_ - constants_; }
-  std::size_t bricks_free() const { return capacity_ - used_; }
+  std::size_t bricks_stored() const { return used_ - constants_ - spare_.size(); }
+  std::size_t bricks_free() const { return capacity_ - used_ + spare_.size(); }
   void reserve(std::size_t free_bricks) {
     if (bricks_free() < free_bricks) grow(used_ + free_bricks);
+    spare_.reserve(capacity_);
   }
   std::size_t memory_bytes() const {
     return top_.size() * sizeof(std::uint32_t) + sizeof(T) * kBrickVoxels * std::size_t{used_};
@@ -147,6 +175,9 @@ class BrickGrid {
     pool_.reset(static_cast<T*>(grown));
     capacity_ = static_cast<std::uint32_t>(capacity);
   }
+  void give_back(std::size_t index) {
+    if (!is_uniform(index)) spare_.push_back(top_[index]);
+  }
   void fill_brick(std::uint32_t b, T value) {
     for (int v = 0; v < kBrickVoxels; ++v)
       pool_[static_cast<std::size_t>(b) * kBrickVoxels + v] = value;
@@ -154,7 +185,7 @@ class BrickGrid {
 
   Index3 first_ = Index3::Zero(), counts_ = Index3::Zero();
   std::uint32_t constants_ = 0, used_ = 0, capacity_ = 0;
-  std::vector<std::uint32_t> top_;
+  std::vector<std::uint32_t> top_, spare_;  // spare_: slots given back, with room for all of them
   std::unique_ptr<T[], Free> pool_;
 };
 
