@@ -21,6 +21,7 @@ void add_info(CLI::App& app, const Common& common);
 void add_replay(CLI::App& app, const Common& common);
 void add_export(CLI::App& app, const Common& common);
 void add_mesh(CLI::App& app, const Common& common);
+void add_figures(CLI::App& app, const Common& common);
 
 // A line of talk on stderr, unless --quiet.
 void say(const Common& common, const std::string& line);
@@ -29,5 +30,7 @@ void warn(const std::string& line);  // "warning: ..." on stderr, also when quie
 // Folder of the shipped data (burs, trajectories): $TOOTHPREP_DATA, beside the sources, or
 // installed.
 std::string data_folder();
+// Folder of the shipped scripts, beside the sources or installed with the data.
+std::string script_folder();
 
 }  // namespace toothprep::app

@@ -30,6 +30,16 @@ std::string data_folder() {
   return kSourceDataFolder;
 }
 
+std::string script_folder() {
+  namespace fs = std::filesystem;
+  const fs::path data = data_folder();
+  std::error_code error;
+  const fs::path installed = data / "scripts";
+  return (fs::is_directory(installed, error) ? installed : data / ".." / "scripts")
+      .lexically_normal()
+      .string();
+}
+
 namespace {
 
 std::string one_line(std::string text) {
@@ -52,7 +62,7 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   for (const AddCommand add :
-       {add_specimen, add_voxelize, add_info, add_replay, add_export, add_mesh})
+       {add_specimen, add_voxelize, add_info, add_replay, add_export, add_mesh, add_figures})
     add(app, common);
   std::optional<tbb::global_control> limit;
   app.parse_complete_callback([&] {

@@ -175,12 +175,12 @@ void validate(const Parameters& parameters) {
 }
 
 Parameters parse_parameters(const std::string& toml, const std::string& where,
-                            const std::string& default_preset) {
+                            const Parameters& base) {
   const toml::table document = parse_toml(toml, where);
   const std::vector<std::string> keys = all_keys();
   StrictTable root(document, where);
-  Parameters p =
-      preset_parameters(root.choice("preset", {"paper", "physical"}).value_or(default_preset));
+  const auto preset = root.choice("preset", {"paper", "physical"});
+  Parameters p = preset ? preset_parameters(*preset) : base;
   if (auto tissues = root.table("tissue")) {
     for (int k = 0; k < kTissueCount; ++k)
       if (auto tissue = tissues->table(std::string(kTissueNames[k]))) {
@@ -219,8 +219,17 @@ Parameters parse_parameters(const std::string& toml, const std::string& where,
   return p;
 }
 
+Parameters parse_parameters(const std::string& toml, const std::string& where,
+                            const std::string& default_preset) {
+  return parse_parameters(toml, where, preset_parameters(default_preset));
+}
+
 Parameters read_parameters(const std::string& path, const std::string& default_preset) {
   return parse_parameters(read_small_text(path), path, default_preset);
+}
+
+Parameters read_parameters(const std::string& path, const Parameters& base) {
+  return parse_parameters(read_small_text(path), path, base);
 }
 
 std::string to_toml(const Parameters& p) {

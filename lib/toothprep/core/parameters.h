@@ -71,6 +71,11 @@ Parameters read_parameters(const std::string& path, const std::string& default_p
 Parameters parse_parameters(const std::string& toml, const std::string& where,
                             const std::string& default_preset = "paper");
 
+// The same over `base` in place of a preset (unless the file names one itself).
+Parameters read_parameters(const std::string& path, const Parameters& base);
+Parameters parse_parameters(const std::string& toml, const std::string& where,
+                            const Parameters& base);
+
 // The complete TOML text that parse_parameters turns into the same parameters, bit for bit. A
 // unit's conversion rounds, and a few values are the conversion of no double: those are written in
 // internal units (keys specific_energy_n_per_mm2, bur_mass_t), which readers take beside the usual

@@ -1,0 +1,135 @@
+// toothprep figures: the paper's experiments, run and checked.
+#include "toothprep/figures/figures.h"
+
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <optional>
+
+#include "command.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/figures/experiment.h"
+#include "toothprep/version.h"
+
+extern char** environ;
+
+namespace toothprep::app {
+namespace {
+
+struct Options {
+  std::string output, experiments, engine = "both", params, preset = "paper";
+  std::vector<std::string> only;
+  double voxel = 0.1;
+  bool force = false, no_plots = false, list = false, json = false;
+};
+
+// Runs a script of this project and waits for it; false if it failed.
+bool run_script(const std::string& script, const std::vector<std::string>& arguments) {
+  std::vector<char*> argv = {const_cast<char*>(script.c_str())};
+  for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
+  argv.push_back(nullptr);
+  pid_t child = 0;
+  if (posix_spawn(&child, script.c_str(), nullptr, nullptr, argv.data(), environ) != 0)
+    return false;
+  int status = 0;
+  if (waitpid(child, &status, 0) != child) return false;
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+void run(const Options& o, const Common& common) {
+  const std::string folder = o.experiments.empty() ? data_folder() + "/figures" : o.experiments;
+  if (o.list) {
+    for (const std::string& path : figures::find_experiments(folder, o.only)) {
+      const figures::Experiment e = figures::read_experiment(path);
+      std::printf("%-20s %s\n", e.name.c_str(), e.title.c_str());
+    }
+    return;
+  }
+  if (o.output.empty()) throw CLI::RequiredError("--output");
+  OutputFile output(o.output, o.force, true);
+  const std::string script = script_folder() + "/plot-figures";
+  if (!o.no_plots && !run_script(script, {"--check"}))
+    throw Error(script +
+                " cannot run; install python3-numpy, python3-h5py and python3-matplotlib, or give "
+                "--no-plots");
+
+  figures::FigureOptions options;
+  options.experiments = figures::find_experiments(folder, o.only);
+  options.voxel = o.voxel;
+  options.base =
+      o.params.empty() ? preset_parameters(o.preset) : read_parameters(o.params, o.preset);
+  if (o.engine == "levelset") options.engines = {EngineKind::kLevelset};
+  if (o.engine == "voxel") options.engines = {EngineKind::kVoxel};
+  options.bur_library = data_folder() + "/burs";
+  options.version = kVersion;
+  options.output = output.temporary();
+  const bool terminal = !common.quiet && isatty(2);
+  options.progress = [&](int done, int all, const std::string& what) {
+    if (terminal)
+      std::fprintf(stderr, "\rreplays %d of %d: %-40s", done, all, what.c_str());
+    else
+      say(common, "replays " + std::to_string(done) + " of " + std::to_string(all) + ": " + what);
+  };
+  const std::vector<figures::FigureReport> reports = run_figures(options);
+  if (terminal) std::fprintf(stderr, "\r%-60s\r", "");
+  if (!o.no_plots) {
+    say(common, "drawing");
+    std::vector<std::string> arguments = {output.temporary()};
+    if (common.quiet) arguments.push_back("--quiet");
+    if (!run_script(script, arguments)) throw Error(script + " failed");
+  }
+  output.commit();
+
+  std::size_t claims = 0, failing = 0;
+  for (const figures::FigureReport& f : reports)
+    for (const figures::Claim& c : f.claims) {
+      ++claims;
+      if (c.holds) continue;
+      ++failing;
+      char line[160];
+      std::snprintf(line, sizeof line, ": expected %.4g, measured %.4g %s", c.expected, c.measured,
+                    c.unit.c_str());
+      warn(f.name + (c.engine.empty() ? "" : " (" + c.engine + ")") + ": " + c.claim + ": " +
+           c.quantity + line);
+    }
+  say(common, std::to_string(claims - failing) + " of " + std::to_string(claims) +
+                  " claims hold; see " + o.output + "/figures.md");
+}
+
+}  // namespace
+
+void add_figures(CLI::App& app, const Common& common) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand(
+      "figures",
+      "Runs the paper's experiments (figures 9 to 16): traces, plots, meshes, and a table of what\n"
+      "should come out beside what did");
+  sub->add_option("-o,--output", o->output, "Folder to make, required");
+  sub->add_option("--only", o->only, "Some of them: numbers or names, e.g. 9,10,handpiece")
+      ->delimiter(',');
+  sub->add_option("--engine", o->engine, "levelset, voxel, or both side by side")
+      ->check(CLI::IsMember({"levelset", "voxel", "both"}))
+      ->capture_default_str();
+  sub->add_option("--voxel-mm", o->voxel,
+                  "Voxel size; feed experiments also run at twice and at half of it")
+      ->check(CLI::Range(0.02, 0.3))
+      ->capture_default_str();
+  sub->add_option("--params", o->params, "Parameter file (.toml) under the experiments' own");
+  sub->add_option("--preset", o->preset, "paper or physical, under the parameter file")
+      ->check(CLI::IsMember({"paper", "physical"}))
+      ->capture_default_str();
+  sub->add_option("--experiments", o->experiments,
+                  "Folder of experiments (default: data/figures; copy one there and change it)");
+  sub->add_flag("--no-plots", o->no_plots, "Only numbers, traces and meshes");
+  sub->add_flag("--list", o->list, "Lists the experiments");
+  sub->add_flag("--force", o->force, "Replace an existing folder");
+  sub->footer("Example: toothprep figures --only 9,13 -o figures");
+  sub->callback([o, &common] { run(*o, common); });
+}
+
+}  // namespace toothprep::app
