@@ -124,7 +124,7 @@ class Commands(unittest.TestCase):
 
     def test_a_trace_replays_with_its_handle_to_the_same_forces(self):
         self.replay("first.h5")
-        self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "first.h5", "--bur", CYLINDER, "-o", "again.h5")
+        self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "first.h5", "--bur", CYLINDER, "-o", "figures-again.h5")
         with h5py.File(self.path("first.h5")) as a, h5py.File(self.path("again.h5")) as b:
             for name in ("force/grinding", "force/device", "bur/position", "torque", "removed/volume"):
                 np.testing.assert_array_equal(a[name][:], b[name][:], name)
@@ -208,6 +208,59 @@ class Commands(unittest.TestCase):
                 f.write("" if name.startswith("empty") else "no scan here\n" * 30)
             self.assert_refused("voxelize", name, "-o", "no.vdb", output="no.vdb", says=name)
         self.assert_refused("export", "block.vdb", "-o", "no.csv", output="no.csv", says="block.vdb")
+
+    def make_experiment(self, name, **changes):
+        """A folder with one small experiment: a ball through 1.5 mm of enamel into dentin."""
+        keys = {"kind": "plateaus", "drive": "direct", "bur": "ball:D1.2", "trajectory": "path.toml"} | changes
+        folder = self.path(os.path.join(name, "small"))
+        os.makedirs(folder)
+        with open(os.path.join(folder, "experiment.toml"), "w") as f:
+            f.writelines(f'{key} = "{value}"\n' for key, value in keys.items())
+            f.write("[block]\nsize_mm = [3.0, 6.0, 3.0]\nenamel_mm = 3.0\n")
+        with open(os.path.join(folder, "path.toml"), "w") as f:
+            f.write('start_mm = [0.0, 0.7, -0.6]\n[[segment]]\nkind = "line"\nto_mm = [0.0, -5.2, -0.6]\n'
+                    'speed_mm_s = 1.5\n')
+
+    def test_figures_leave_table_traces_meshes_and_pictures(self):
+        self.make_experiment("mine")
+        self.run_ok("figures", "--experiments", "mine", "--voxel-mm", "0.15", "-o", "figs")
+        with open(self.path("figs/figures.json")) as f:
+            table = json.load(f)
+        self.assertEqual(table["schema"], "toothprep-figures")
+        figure, = table["figures"]
+        exact = [c for c in figure["claims"] if c["claim"] == "Level in enamel" and c["engine"] == "levelset"]
+        self.assertEqual(len(exact), 3)
+        for claim in exact:
+            self.assertTrue(claim["holds"], claim)
+            self.assertLess(abs(claim["measured"] / claim["expected"] - 1), 0.01)
+        for name in ("figures.md", "small/levelset.h5", "small/voxel.h5", "small/exact.csv", "small/levelset.ply",
+                     "small/forces.png", "small/forces.svg", "small/levelset.png", "small/voxel.png"):
+            self.assertGreater(os.path.getsize(self.path(os.path.join("figs", name))), 500, name)
+        # Its traces are traces.
+        self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "figs/small/levelset.h5", "--bur", "ball:D1.2",
+                    "-o", "figures-again.h5")
+        # An existing folder stays unless told otherwise.
+        again = ("figures", "--experiments", "mine", "--voxel-mm", "0.15", "--no-plots", "--engine", "levelset")
+        self.assert_refused(*again, "-o", "figs", output=None, says="exists")
+        self.run_ok(*again, "--force", "-o", "figs")
+        self.assertFalse(os.path.exists(self.path("figs/small/voxel.h5")))
+
+    def test_figures_refuse_what_cannot_be_run(self):
+        self.make_experiment("wrong-kind", kind="plateau")
+        self.make_experiment("wrong-bur", bur="ball:D0.1")
+        self.make_experiment("no-path", trajectory="absent.toml")
+        with open(self.path("alpha.toml"), "w") as f:
+            f.write("[tissue.enamel]\nforce_ratio = 0\n")
+        quick = ("figures", "--no-plots", "-q", "-o", "no")
+        self.assert_refused(*quick, "--experiments", "wrong-kind", output="no", says='"plateaus"')
+        self.assert_refused(*quick, "--experiments", "wrong-bur", output="no", says="two voxels")
+        self.assert_refused(*quick, "--experiments", "no-path", output="no", says="absent.toml")
+        self.assert_refused(*quick, "--experiments", "nowhere", output="no", says="nowhere")
+        self.assert_refused(*quick, "--only", "17", output="no", says="figure-09")
+        self.assert_refused(*quick, "--only", "9", "--params", "alpha.toml", output="no", says="force_ratio")
+        self.assertEqual(self.run_tool("figures").returncode, 2)
+        self.assertEqual(self.run_tool("figures", "--engine", "both?", "-o", "no").returncode, 2)
+        self.assertIn("figure-14", self.run_ok("figures", "--list").stdout)
 
 
 if __name__ == "__main__":
