@@ -124,7 +124,7 @@ class Commands(unittest.TestCase):
 
     def test_a_trace_replays_with_its_handle_to_the_same_forces(self):
         self.replay("first.h5")
-        self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "first.h5", "--bur", CYLINDER, "-o", "figures-again.h5")
+        self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "first.h5", "--bur", CYLINDER, "-o", "again.h5")
         with h5py.File(self.path("first.h5")) as a, h5py.File(self.path("again.h5")) as b:
             for name in ("force/grinding", "force/device", "bur/position", "torque", "removed/volume"):
                 np.testing.assert_array_equal(a[name][:], b[name][:], name)

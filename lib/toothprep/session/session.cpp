@@ -17,6 +17,19 @@ constexpr int kMaxSamples = 3;             // contact samples of one step, when 
 constexpr int kMaxDirectIterations = 12;   // operating point of the droop model, before bisection
 constexpr double kRateTolerance = 1e-9;    // of N0
 constexpr double kTinyRate = 1e-6;         // of N0: stands for N -> 0
+constexpr double kLongWay = 0.5;           // voxels in a step, from which it goes in parts
+constexpr double kPartOfWay = 0.33;        // voxels
+constexpr double kMostParts = 64;
+
+// The handle part/parts of the way between two samples.
+HandleSample between(const HandleSample& from, const HandleSample& to, int part, int parts) {
+  const double t = static_cast<double>(part) / parts;
+  HandleSample s = to;
+  s.time = from.time + t * (to.time - from.time);
+  s.pose.position = from.pose.position + t * (to.pose.position - from.pose.position);
+  s.pose.orientation = from.pose.orientation.slerp(t, to.pose.orientation);
+  return s;
+}
 
 }  // namespace
 
@@ -39,15 +52,28 @@ Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& paramet
 
 // The paper's section 5.2, one stage a line; the drives differ in who sets the velocity.
 StepRecord Session::step(const HandleSample& next) noexcept {
-  record_ = StepRecord{};
-  record_.handle = next;
-  turn_to(next.pose.orientation);
-  if (drive_ == Drive::kCoupled) {
-    step_coupled(next);
-  } else {
-    step_direct(next);
+  const HandleSample from = handle_;
+  const int parts = drive_ == Drive::kCoupled ? parts_of_step() : 1;
+  h_ = parameters_.time_step / parts;
+  double torque = 0, power = 0;
+  for (int part = 1; part <= parts; ++part) {
+    const HandleSample handle = part == parts ? next : between(from, next, part, parts);
+    record_ = StepRecord{};
+    record_.handle = handle;
+    turn_to(handle.pose.orientation);
+    if (drive_ == Drive::kCoupled) {
+      step_coupled(handle);
+    } else {
+      step_direct(handle);
+    }
+    handle_ = handle;
+    torque += record_.torque / parts;
+    power += record_.power / parts;
   }
-  handle_ = next;
+  if (parts > 1) {
+    record_.torque = torque;
+    record_.power = power;
+  }
 
   record_.bur = pose_;
   record_.bur_velocity = velocity_;
@@ -63,6 +89,15 @@ StepRecord Session::step(const HandleSample& next) noexcept {
   return record_;
 }
 
+// A bur that flies freely (out of a stretched spring, say) covers several voxels in a step. It then
+// goes in parts of about a third of a voxel at its present speed, so that it can't enter tissue
+// without having met it.
+int Session::parts_of_step() const noexcept {
+  const double way = velocity_.norm() * parameters_.time_step / workpiece_.voxel();
+  if (!(way > kLongWay)) return 1;
+  return static_cast<int>(std::min(std::ceil(way / kPartOfWay), kMostParts));
+}
+
 void Session::finish(StepRecord& last) noexcept {
   engine_->finish(pose_);
   totals_.removed = engine_->removed();
@@ -73,7 +108,7 @@ void Session::finish(StepRecord& last) noexcept {
 void Session::turn_to(const Quat& handle) noexcept {
   turned_ = handle;
   const double angle = pose_.orientation.angularDistance(handle);
-  const double most = kCatchUpRate * parameters_.time_step;
+  const double most = kCatchUpRate * h_;
   if (catching_up_ && angle > most) turned_ = pose_.orientation.slerp(most / angle, handle);
   if (angle == 0) {
     turn_rate_.setZero();
@@ -82,10 +117,8 @@ void Session::turn_to(const Quat& handle) noexcept {
   Quat turn = pose_.orientation.conjugate() * turned_;
   if (turn.w() < 0) turn.coeffs() = -turn.coeffs();
   const double sine = turn.vec().norm();
-  turn_rate_ =
-      sine > 1e-12
-          ? Vec3(turn.vec() * (2 * std::atan2(sine, turn.w()) / sine / parameters_.time_step))
-          : Vec3(Vec3::Zero());
+  turn_rate_ = sine > 1e-12 ? Vec3(turn.vec() * (2 * std::atan2(sine, turn.w()) / sine / h_))
+                            : Vec3(Vec3::Zero());
 }
 
 // What Eq. 11 is judged on: the torque of this step's trial or, read literally, the torque that the
@@ -98,14 +131,14 @@ void Session::record_work(double torque, double rotation_rate) noexcept {
   record_.torque = torque;
   record_.rotation_rate = rotation_rate;
   record_.power = 2 * units::kPi * rotation_rate * torque;
-  totals_.torque_work += record_.power * parameters_.time_step;
+  totals_.torque_work += record_.power * h_;
 }
 
 void Session::step_direct(const HandleSample& next) noexcept {
   const Handpiece& handpiece = parameters_.handpiece;
   const Pose before = pose_;
   const Quat to_b = pose_.orientation.conjugate();
-  const Vec3 velocity = (next.pose.position - handle_.pose.position) / parameters_.time_step;
+  const Vec3 velocity = (next.pose.position - handle_.pose.position) / h_;
   const Vec3 v = to_b * velocity;
   const Vec3 omega = parameters_.rotation_feed ? turn_rate_ : Vec3(Vec3::Zero());
   const bool motor_on = next.buttons & kPedalButton;
@@ -170,8 +203,8 @@ Session::Trial Session::converge(const CouplingState& state, Vec3 guess, const V
   trial.rotation_rate = rotation_rate;
   for (int pass = 0; pass < kMaxPasses; ++pass) {
     trial.response = contact().response(guess, omega);
-    guess = implicit_velocity(parameters_.coupling, parameters_.time_step, state,
-                              trial.response.B / rotation_rate, trial.response.f0 / rotation_rate);
+    guess = implicit_velocity(parameters_.coupling, h_, state, trial.response.B / rotation_rate,
+                              trial.response.f0 / rotation_rate);
     if (contact().advancing_set(guess, omega) == trial.response.set) break;
   }
   trial.velocity = guess;
@@ -227,7 +260,7 @@ Session::Trial Session::coupled_trial(const CouplingState& state, const Vec3& fi
 
 void Session::step_coupled(const HandleSample& next) noexcept {
   const Coupling& coupling = parameters_.coupling;
-  const double h = parameters_.time_step;
+  const double h = h_;
   const Quat to_b = pose_.orientation.conjugate();
   const bool motor_on = next.buttons & kPedalButton;
 

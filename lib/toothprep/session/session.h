@@ -60,6 +60,7 @@ class Session {
     bool stalls = false;
   };
 
+  int parts_of_step() const noexcept;
   void turn_to(const Quat& handle) noexcept;
   void step_direct(const HandleSample& next) noexcept;
   void step_coupled(const HandleSample& next) noexcept;
@@ -87,7 +88,8 @@ class Session {
   bool catching_up_ = false;  // orientation held by a stall and not yet the handle's again
   HandleSample handle_;
 
-  // Of the step under way.
+  // Of the step, or part of it, under way.
+  double h_ = 0;                   // s
   Quat turned_;                    // the bur's orientation after the step, if it turns
   Vec3 turn_rate_ = Vec3::Zero();  // rad/s, B
   StepRecord record_;
