@@ -53,6 +53,7 @@ Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& paramet
 // The paper's section 5.2, one stage a line; the drives differ in who sets the velocity.
 StepRecord Session::step(const HandleSample& next) noexcept {
   const HandleSample from = handle_;
+  const bool was_stalled = stalled_;
   const int parts = drive_ == Drive::kCoupled ? parts_of_step() : 1;
   h_ = parameters_.time_step / parts;
   double torque = 0, power = 0;
@@ -81,6 +82,7 @@ StepRecord Session::step(const HandleSample& next) noexcept {
   record_.shank_contact_area = shank_contact_area(shank_, workpiece_, pose_);
   totals_.removed = engine_->removed();
   totals_.stalled_steps += record_.stalled;
+  totals_.stall_onsets += record_.stalled && !was_stalled;
   totals_.shank_contact_steps += record_.shank_contact_area > 0;
   totals_.contact_steps +=
       record_.stalled || record_.torque > 0 || record_.grinding_force.squaredNorm() > 0;
@@ -180,7 +182,6 @@ void Session::step_direct(const HandleSample& next) noexcept {
     record_.torque = handpiece.stall_torque;
     record_.grinding_force =
         before.orientation * unit_force * (handpiece.stall_torque / unit_torque);
-    totals_.stall_onsets += !stalled_;
   } else if (motor_on) {
     record_work(unit_torque / rate, rate);
     record_.grinding_force = before.orientation * unit_force / rate;
@@ -299,7 +300,6 @@ void Session::step_coupled(const HandleSample& next) noexcept {
       trial = coupled_trial(state, guess, omega);
     }
     record_.torque_trial = judged_torque(trial.torque);
-    totals_.stall_onsets += trial.stalls && !stalled_;
     judged_velocity_ = pose_.orientation * trial.velocity;
     stalled_ = trial.stalls;
     holds = trial.stalls;
