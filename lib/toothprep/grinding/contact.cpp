@@ -48,7 +48,7 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
                            const PerTissue<GrindingProperties>& tissue)
     : elements_(bur.elements(element_size, clockwise)), contact_(elements_.size(), tissue, false) {
   const std::size_t n = elements_.size();
-  for (auto* array : {&mx_, &my_, &mz_, &curvature_, &sag_, &fx_, &fy_, &fz_, &covered_})
+  for (auto* array : {&mx_, &my_, &mz_, &chord_, &curvature_, &sag_, &fx_, &fy_, &fz_, &covered_})
     array->resize(n);
   for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
   for (auto& array : corner_) array.resize(n);
@@ -58,6 +58,8 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
     my_[i] = e.z[i] * e.nx[i] - e.x[i] * e.nz[i];
     mz_[i] = e.x[i] * e.ny[i] - e.y[i] * e.nx[i];
     curvature_[i] = e.curvature_along[i] + e.curvature_around[i];
+    const float half_angle = e.curvature_along[i] * e.half_along[i];
+    chord_[i] = half_angle == 0 ? 1 : std::sin(half_angle) / half_angle;
     sag_[i] = 0.5f * (e.curvature_along[i] * e.half_along[i] * e.half_along[i] +
                       e.curvature_around[i] * e.half_around[i] * e.half_around[i]);
   }
@@ -211,7 +213,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
 void ContactModel::add_contact(int i, const PerTissue<float>& share) noexcept {
   const SurfaceElements& e = elements_;
   contact_.add({e.nx[i], e.ny[i], e.nz[i], mx_[i], my_[i], mz_[i], e.tx[i], e.ty[i], e.weight[i],
-                e.radius[i], e.area[i]},
+                chord_[i], e.radius[i], e.area[i]},
                share);
 }
 

@@ -67,6 +67,7 @@ class ContactModel {
   // Everything below is an array over the elements, so that the passes of a sample run in place and
   // side by side. Fixed:
   std::vector<float> mx_, my_, mz_;  // r x n, mm
+  std::vector<float> chord_;         // see ContactSet::Element
   std::vector<float> curvature_;     // sum of the principal curvatures, 1/mm
   std::vector<float> sag_;  // mm, how far the element's rim lies behind its tangent plane: a wall
                             // of the same curvature or less that only touches it doesn't cross it
