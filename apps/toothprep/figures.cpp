@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <fstream>
+#include <iostream>
 #include <memory>
 #include <optional>
 
@@ -84,6 +86,10 @@ void run(const Options& o, const Common& common) {
     if (!run_script(script, arguments)) throw Error(script + " failed");
   }
   output.commit();
+  if (o.json) {
+    std::ifstream table(o.output + "/figures.json");
+    std::cout << table.rdbuf();
+  }
 
   std::size_t claims = 0, failing = 0;
   for (const figures::FigureReport& f : reports)
@@ -126,6 +132,7 @@ void add_figures(CLI::App& app, const Common& common) {
   sub->add_option("--experiments", o->experiments,
                   "Folder of experiments (default: data/figures; copy one there and change it)");
   sub->add_flag("--no-plots", o->no_plots, "Only numbers, traces and meshes");
+  sub->add_flag("--json", o->json, "Also print figures.json");
   sub->add_flag("--list", o->list, "Lists the experiments");
   sub->add_flag("--force", o->force, "Replace an existing folder");
   sub->footer("Example: toothprep figures --only 9,13 -o figures");

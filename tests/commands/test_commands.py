@@ -223,10 +223,11 @@ class Commands(unittest.TestCase):
 
     def test_figures_leave_table_traces_meshes_and_pictures(self):
         self.make_experiment("mine")
-        self.run_ok("figures", "--experiments", "mine", "--voxel-mm", "0.15", "-o", "figs")
+        printed = self.run_ok("figures", "--experiments", "mine", "--voxel-mm", "0.15", "--json", "-o", "figs").stdout
         with open(self.path("figs/figures.json")) as f:
             table = json.load(f)
         self.assertEqual(table["schema"], "toothprep-figures")
+        self.assertEqual(json.loads(printed), table)
         figure, = table["figures"]
         exact = [c for c in figure["claims"] if c["claim"] == "Level in enamel" and c["engine"] == "levelset"]
         self.assertEqual(len(exact), 3)
