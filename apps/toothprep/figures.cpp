@@ -53,7 +53,7 @@ void run(const Options& o, const Common& common) {
     return;
   }
   if (o.output.empty()) throw CLI::RequiredError("--output");
-  OutputFile output(o.output, o.force, true);
+  OutputFile output(o.output, o.force, true, "figures.json");
   const std::string script = script_folder() + "/plot-figures";
   if (!o.no_plots && !run_script(script, {"--check"}))
     throw Error(script +

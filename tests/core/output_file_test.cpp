@@ -96,5 +96,21 @@ TEST_F(OutputFileTest, AFolderIsReplacedWhole) {
   EXPECT_EQ(entries(), 1u);
 }
 
+TEST_F(OutputFileTest, AFolderWithFoldersIsReplacedOnlyWithItsMarkerAndNothingDeeper) {
+  fs::create_directories(at("d/part"));
+  write(at("d/part/old"), "1");
+  EXPECT_THROW(OutputFile(at("d"), true, true), Error);
+  EXPECT_THROW(OutputFile(at("d"), true, true, "table.json"), Error);  // no marker in it
+  write(at("d/table.json"), "{}");
+  {
+    OutputFile out(at("d"), true, true, "table.json");
+    out.commit();
+  }
+  EXPECT_FALSE(fs::exists(at("d/part")));
+  fs::create_directories(at("d/part/of/a/project"));
+  write(at("d/table.json"), "{}");
+  EXPECT_THROW(OutputFile(at("d"), true, true, "table.json"), Error);
+}
+
 }  // namespace
 }  // namespace toothprep

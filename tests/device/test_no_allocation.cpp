@@ -1,23 +1,10 @@
-// A tick of the device and of the rendering allocates nothing: global operator new counts calls. A
-// program of its own, since it replaces the global operators.
+// A tick of the device and of the rendering allocates nothing: counted as calls of operator new.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <new>
+#include <vector>
 
+#include "../support/allocation_counter.h"
 #include "toothprep/device/linear_damper_loop.h"
-
-namespace {
-long allocations = 0;
-}
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* p = std::malloc(size)) return p;
-  throw std::bad_alloc();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace toothprep::testing {
 namespace {

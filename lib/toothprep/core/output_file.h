@@ -8,10 +8,12 @@ namespace toothprep {
 // Usage: OutputFile out("trace.h5", force); write(out.temporary()); out.commit();
 // The constructor refuses (Error) an existing file unless `force`, and a folder that doesn't exist
 // or can't be written. Without commit() the destructor removes what was written. With `directory`
-// the output is a folder: temporary() is then an existing empty folder beside the final place.
+// the output is a folder: temporary() is then an existing empty folder beside the final place. A
+// folder is replaced only if it holds nothing but plain files; or, with `marker`, if it holds a
+// file of that name, and folders of plain files beside it.
 class OutputFile {
  public:
-  OutputFile(std::string path, bool force, bool directory = false);
+  OutputFile(std::string path, bool force, bool directory = false, const std::string& marker = {});
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
