@@ -20,7 +20,7 @@ HEAVY = {
     "gdcm": ["lib/toothprep/scan"],
     "hdf5": ["lib/toothprep/trace"],
     "H5": ["lib/toothprep/trace"],
-    "CGAL": ["tests/mesh"],
+    "CGAL": ["lib/toothprep/mesh"],
     "CLI/": ["apps"],
     "openssl": ["lib/toothprep/core"],
 }
