@@ -1,14 +1,12 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <unistd.h>
+#include <zlib.h>
 
+#include <bit>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <limits>
 
 #include "phantom.h"
+#include "scan_files.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/core/hash.h"
 #include "toothprep/scan/image_file.h"
@@ -17,69 +15,7 @@
 namespace toothprep {
 namespace {
 
-namespace fs = std::filesystem;
-using testing::HasSubstr;
-
-class ImageFile : public testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("toothprep_image_file_" + std::to_string(getpid()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
-  std::string write(const std::string& name, const std::string& bytes) const {
-    std::ofstream(path(name), std::ios::binary) << bytes;
-    return path(name);
-  }
-  static std::string bytes_of(const std::string& file) {
-    std::ifstream in(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-  void truncate(const std::string& name, double share) const {
-    fs::resize_file(path(name), static_cast<std::uintmax_t>(
-                                    share * static_cast<double>(fs::file_size(path(name)))));
-  }
-  fs::path folder_;
-};
-
-// Every voxel different, negative values too, axes oblique or exchanged.
-ImageVolume<std::int16_t> some_image(const Mat3& direction = Mat3::Identity()) {
-  ImageVolume<std::int16_t> image;
-  image.size = Index3(7, 5, 6);
-  image.spacing = Vec3(0.2, 0.3, 0.45);
-  image.origin = Vec3(-12.5, 7.25, 100.125);
-  image.direction = direction;
-  for (int v = 0; v < 210; ++v)
-    image.data.push_back(static_cast<std::int16_t>(37 * v % 4001 - 1024));
-  return image;
-}
-
-Mat3 oblique() { return Eigen::AngleAxisd(0.4, Vec3(1, -2, 0.5).normalized()).toRotationMatrix(); }
-
-void expect_same(const ImageVolume<float>& read, const ImageVolume<std::int16_t>& image,
-                 double tolerance) {
-  ASSERT_EQ(read.size, image.size);
-  EXPECT_LT((read.spacing - image.spacing).norm(), tolerance);
-  EXPECT_LT((read.origin - image.origin).norm(), 100 * tolerance);
-  EXPECT_LT((read.direction - image.direction).norm(), tolerance);
-  EXPECT_TRUE(std::equal(read.data.begin(), read.data.end(), image.data.begin()));
-}
-
-// The error's text, which must be one line that names the file.
-std::string refusal(const std::string& path,
-                    const std::optional<std::array<double, 3>>& spacing = {}) {
-  try {
-    read_scan(path, spacing);
-  } catch (const InputError& e) {
-    EXPECT_THAT(e.what(), testing::StartsWith(path));
-    EXPECT_THAT(e.what(), testing::Not(HasSubstr("\n")));
-    return e.what();
-  }
-  return "no error";
-}
+using ImageFile = ScanFiles;
 
 TEST_F(ImageFile, EachFormatKeepsValuesAndPlace) {
   Mat3 exchanged;
@@ -96,6 +32,109 @@ TEST_F(ImageFile, EachFormatKeepsValuesAndPlace) {
     write_dicom_series(image, path("series"));
     expect_same(read_scan(path("series")), image, 1e-6);
   }
+}
+
+// ---- The forms of the formats that write_image doesn't write, by hand.
+
+std::string raw_of(const ImageVolume<std::int16_t>& image, std::endian order) {
+  std::string bytes;
+  for (const std::int16_t value : image.data) {
+    const auto v = static_cast<std::uint16_t>(value);
+    const char low = static_cast<char>(v & 255), high = static_cast<char>(v >> 8);
+    bytes += order == std::endian::little ? low : high;
+    bytes += order == std::endian::little ? high : low;
+  }
+  return bytes;
+}
+
+std::string gzipped(const std::string& plain) {
+  z_stream stream{};
+  deflateInit2(&stream, 6, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY);
+  std::string packed(deflateBound(&stream, plain.size()), '\0');
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(plain.data()));
+  stream.avail_in = static_cast<uInt>(plain.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  deflate(&stream, Z_FINISH);
+  packed.resize(stream.total_out);
+  deflateEnd(&stream);
+  return packed;
+}
+
+std::string text_of(const Vec3& v, const char* separator) {
+  std::ostringstream text;
+  text.precision(17);
+  text << v.x() << separator << v.y() << separator << v.z();
+  return text.str();
+}
+
+std::string nrrd_header(const ImageVolume<std::int16_t>& image, const std::string& encoding,
+                        const std::string& endian, const std::string& data_file) {
+  std::string text =
+      "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: " +
+      std::to_string(image.size.x()) + " " + std::to_string(image.size.y()) + " " +
+      std::to_string(image.size.z()) + "\nspace directions:";
+  for (int a = 0; a < 3; ++a)
+    text += " (" + text_of(image.direction.col(a) * image.spacing[a], ",") + ")";
+  text += "\nspace origin: (" + text_of(image.origin, ",") + ")\nencoding: " + encoding +
+          "\nendian: " + endian + "\n";
+  if (!data_file.empty()) text += "data file: " + data_file + "\n";
+  return text + (data_file.empty() ? "\n" : "");
+}
+
+std::string meta_header(const ImageVolume<std::int16_t>& image, bool big, const std::string& data) {
+  std::string matrix;  // its rows are the image's axes
+  for (int a = 0; a < 3; ++a) matrix += " " + text_of(image.direction.col(a), " ");
+  return "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = " +
+         std::string(big ? "True" : "False") +
+         "\nCompressedData = False\nTransformMatrix =" + matrix +
+         "\nOffset = " + text_of(image.origin, " ") +
+         "\nElementSpacing = " + text_of(image.spacing, " ") + "\nDimSize = 7 5 6\n" +
+         "ElementType = MET_SHORT\nElementDataFile = " + data + "\n";
+}
+
+TEST_F(ImageFile, EveryFormOfEveryFormatIsTheSameVolume) {
+  const auto image = some_image(oblique());
+  const std::string little = raw_of(image, std::endian::little),
+                    big = raw_of(image, std::endian::big);
+  write("little.raw", little);
+  write("big.raw", big);
+  write("little.raw.gz", gzipped(little));
+  write("attached.nrrd", nrrd_header(image, "raw", "little", "") + little);
+  write("big.nrrd", nrrd_header(image, "raw", "big", "") + big);
+  write("gzip.nrrd", nrrd_header(image, "gzip", "little", "") + gzipped(little));
+  write("biggzip.nrrd", nrrd_header(image, "gzip", "big", "") + gzipped(big));
+  write("detached.nhdr", nrrd_header(image, "raw", "little", "little.raw"));
+  write("bigdetached.nhdr", nrrd_header(image, "raw", "big", "big.raw"));
+  write("gzdetached.nhdr", nrrd_header(image, "gzip", "little", "little.raw.gz"));
+  write("local.mha", meta_header(image, false, "LOCAL") + little);
+  write("biglocal.mha", meta_header(image, true, "LOCAL") + big);
+  write("detached.mhd", meta_header(image, false, "little.raw"));
+  write("bigdetached.mhd", meta_header(image, true, "big.raw"));
+  write_image(image, path("ours.nii"));
+  write_image(image, path("ours.nii.gz"));
+  fs::create_directories(folder_ / "series");
+  write_dicom_series(image, path("series"));
+  for (const char* name :
+       {"attached.nrrd", "big.nrrd", "gzip.nrrd", "biggzip.nrrd", "detached.nhdr",
+        "bigdetached.nhdr", "gzdetached.nhdr", "local.mha", "biglocal.mha", "detached.mhd",
+        "bigdetached.mhd", "ours.nii", "ours.nii.gz", "series"}) {
+    SCOPED_TRACE(name);
+    expect_same(read_scan(path(name)), image, 2e-6);  // NIfTI holds its matrix as float
+  }
+  // A detached file's content counts in its hash; a truncated or absent one is refused.
+  const std::string before = sha256_of_scan(path("detached.mhd"));
+  std::string other = little;
+  other[0] = static_cast<char>(other[0] ^ 1);
+  write("little.raw", other);
+  EXPECT_NE(sha256_of_scan(path("detached.mhd")), before);
+  truncate("little.raw", 0.9);
+  truncate("little.raw.gz", 0.9);
+  EXPECT_THAT(refusal(path("detached.nhdr")), HasSubstr("the header promises"));
+  EXPECT_THAT(refusal(path("detached.mhd")), HasSubstr("the header promises"));
+  EXPECT_THAT(refusal(path("gzdetached.nhdr")), HasSubstr("the header promises"));
+  fs::remove(path("little.raw"));
+  EXPECT_THAT(refusal(path("detached.mhd")), HasSubstr("does not exist"));
 }
 
 TEST_F(ImageFile, TheSameImageGivesTheSameBytes) {
@@ -160,8 +199,10 @@ TEST_F(ImageFile, SpacingGivenReplacesTheFilesAndScalesItsOrigin) {
   write_image(absurd, path("b.nrrd"));
   EXPECT_THAT(refusal(path("b.nrrd")), HasSubstr("--spacing-mm"));
   EXPECT_EQ(read_scan(path("b.nrrd"), {{0.1, 0.1, 0.1}}).spacing, Vec3::Constant(0.1));
-  EXPECT_THAT(refusal(path("b.nrrd"), {{0.1, 0.1, 9.0}}), HasSubstr("outside 0.001 .. 5 mm"));
-  EXPECT_THAT(refusal(path("b.nrrd"), {{0.1, 0.1, NAN}}), HasSubstr("outside 0.001 .. 5 mm"));
+  EXPECT_THAT(refusal(path("b.nrrd"), with_spacing(0.1, 0.1, 9.0)),
+              HasSubstr("outside 0.001 .. 5 mm"));
+  EXPECT_THAT(refusal(path("b.nrrd"), with_spacing(0.1, 0.1, NAN)),
+              HasSubstr("outside 0.001 .. 5 mm"));
 }
 
 // ---- NRRD by hand: space, units, encoding.
@@ -218,8 +259,7 @@ TEST_F(ImageFile, RefusesWhatCannotBeAScan) {
               HasSubstr("is not a volume"));
   EXPECT_THAT(refusal(write("time.nrrd",
                             nrrd("dimension: 4\nsizes: 2 2 2 3\nspacings: 0.1 0.1 0.1 1", 24))),
-              testing::AnyOf(HasSubstr("dimensions"), HasSubstr("components"),
-                             HasSubstr("cannot be read")));
+              HasSubstr("has four dimensions (3 volumes)"));
   EXPECT_THAT(
       refusal(write("colour.nrrd", nrrd("dimension: 4\nsizes: 3 2 2 2\nkinds: RGB-color domain "
                                         "domain domain\nspacings: nan 0.1 0.1 0.1",
@@ -246,6 +286,61 @@ TEST_F(ImageFile, RefusesWhatCannotBeAScan) {
       refusal(write("detached.nhdr", "NRRD0004\ntype: short\nencoding: raw\nendian: little\n" +
                                          k234 + spacing + "\ndata file: nowhere.raw\n")),
       HasSubstr("nowhere.raw' does not exist"));
+}
+
+TEST_F(ImageFile, OneComponentOrVolumeIsChosenOnDemand) {
+  const auto component = [](int c) {
+    ScanReadOptions options;
+    options.component = c;
+    return options;
+  };
+  // Interleaved: voxel v's component c is 3 v + c.
+  const std::string colour =
+      write("colour.nrrd", nrrd("dimension: 4\nsizes: 3 2 3 4\nkinds: RGB-color domain domain "
+                                "domain\nspace: left-posterior-superior\nspace directions: none "
+                                "(0.1,0,0) (0,0.2,0) (0,0,0.3)\nspace origin: (1,2,3)",
+                                72));
+  EXPECT_THAT(refusal(colour), testing::AllOf(HasSubstr("has 3 components per voxel"),
+                                              HasSubstr("--component (1 .. 3)")));
+  for (int c = 1; c <= 3; ++c) {
+    const auto read = read_scan(colour, component(c));
+    ASSERT_EQ(read.size, Index3(2, 3, 4));
+    EXPECT_LT((read.spacing - Vec3(0.1, 0.2, 0.3)).norm(), 1e-9);
+    EXPECT_LT((read.origin - Vec3(1, 2, 3)).norm(), 1e-9);
+    for (std::size_t v = 0; v < 24; ++v) EXPECT_EQ(read.data[v], 3 * static_cast<int>(v) + c - 1);
+  }
+  EXPECT_THAT(refusal(colour, component(0)), HasSubstr("there is no component 0"));
+  EXPECT_THAT(refusal(colour, component(4)), HasSubstr("there is no component 4"));
+  truncate("colour.nrrd", 0.9);
+  EXPECT_THAT(refusal(colour, component(1)), HasSubstr("the header promises"));
+
+  // Volumes one after the other: value 24 t + v.
+  const std::string time =
+      write("time.nrrd", nrrd("dimension: 4\nsizes: 2 3 4 3\nspacings: 0.1 0.2 0.3 1", 72));
+  EXPECT_THAT(refusal(time), HasSubstr("has four dimensions (3 volumes)"));
+  const auto second = read_scan(time, component(2));
+  ASSERT_EQ(second.size, Index3(2, 3, 4));
+  EXPECT_LT((second.spacing - Vec3(0.1, 0.2, 0.3)).norm(), 1e-9);
+  for (std::size_t v = 0; v < 24; ++v) EXPECT_EQ(second.data[v], 24 + static_cast<int>(v));
+  EXPECT_EQ(read_label_image(time, component(3)).data[5], 53);
+
+  // A NIfTI file with a fourth dimension: the written header's, changed (dim[0], dim[3], dim[4]).
+  write_image(some_image(), path("a.nii"));
+  std::string bytes = bytes_of(path("a.nii"));
+  bytes[40] = 4, bytes[46] = 3, bytes[48] = 2;
+  write("time.nii", bytes);
+  EXPECT_THAT(refusal(path("time.nii")), HasSubstr("has four dimensions (2 volumes)"));
+  const auto later = read_scan(path("time.nii"), component(2));
+  ASSERT_EQ(later.size, Index3(7, 5, 3));
+  EXPECT_LT((later.origin - some_image().origin).norm(), 2e-4);
+  EXPECT_TRUE(std::equal(later.data.begin(), later.data.end(), some_image().data.begin() + 105));
+
+  const std::string grey = write("grey.nrrd", nrrd(k234 + "spacings: 0.1 0.1 0.1", 24));
+  EXPECT_EQ(read_scan(grey, component(1)).data[3], 3);
+  EXPECT_THAT(refusal(grey, component(2)), HasSubstr("has one grey value per voxel"));
+  ScanReadOptions series;
+  series.series = "1";
+  EXPECT_THAT(refusal(grey, series), HasSubstr("folder of DICOM files"));
 }
 
 TEST_F(ImageFile, RefusesTruncatedFilesOfEveryFormat) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <string>
 
 #include "toothprep/scan/voxelize.h"
 #include "toothprep/specimen/molar.h"
@@ -66,6 +67,12 @@ struct Case {
 };
 class ScanQuality : public ::testing::TestWithParam<Case> {};
 
+std::string name_of(const ::testing::TestParamInfo<Case>& info) {
+  const auto hundredths = [](double x) { return std::to_string(std::lround(100 * x)); };
+  return "Spacing" + hundredths(info.param.spacing) + "Blur" + hundredths(info.param.blur) +
+         "Noise" + hundredths(info.param.noise);
+}
+
 TEST_P(ScanQuality, LayersOfASyntheticScanAreRight) {
   const Case c = GetParam();
   SyntheticScanOptions o;
@@ -105,7 +112,8 @@ INSTANTIATE_TEST_SUITE_P(Scans, ScanQuality,
                          ::testing::Values(Case{0.1, 0.5, 0}, Case{0.1, 1.5, 0.1},
                                            Case{0.2, 0.5, 0.1}, Case{0.2, 1.0, 0.05},
                                            Case{0.2, 1.5, 0.1}, Case{0.3, 0.5, 0},
-                                           Case{0.3, 1.0, 0.1}, Case{0.3, 1.5, 0.1}));
+                                           Case{0.3, 1.0, 0.1}, Case{0.3, 1.5, 0.1}),
+                         name_of);
 
 }  // namespace
 }  // namespace toothprep

@@ -1,0 +1,157 @@
+#include "toothprep/scan/dicom_pixels.h"
+
+#include <gdcmPixmapReader.h>
+#include <gdcmTrace.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+#include "toothprep/core/errors.h"
+
+namespace toothprep::image {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr unsigned kDecodeSeconds = 300;  // a decoder that hangs is ended
+
+// Memory that a child process can write for its parent.
+class SharedBytes {
+ public:
+  explicit SharedBytes(std::size_t size)
+      : size_(size),
+        at_(mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
+    if (at_ == MAP_FAILED) throw std::bad_alloc();
+  }
+  ~SharedBytes() { munmap(at_, size_); }
+  SharedBytes(const SharedBytes&) = delete;
+  SharedBytes& operator=(const SharedBytes&) = delete;
+  char* data() const { return static_cast<char*>(at_); }
+
+ private:
+  std::size_t size_;
+  void* at_;
+};
+
+enum Decoded { kDone = 0, kDoneWithLoss = 1, kOtherSize = 2, kNotDecoded = 3 };
+
+Decoded decode(const DicomHeader& header, std::size_t bytes, char* out) {
+  gdcm::PixmapReader reader;
+  reader.SetFileName(header.file.c_str());
+  if (!reader.Read()) return kNotDecoded;
+  const gdcm::Pixmap& image = reader.GetPixmap();
+  const unsigned frames = image.GetNumberOfDimensions() > 2 ? image.GetDimension(2) : 1;
+  const gdcm::PixelFormat& format = image.GetPixelFormat();
+  if (image.GetDimension(0) != static_cast<unsigned>(header.columns) ||
+      image.GetDimension(1) != static_cast<unsigned>(header.rows) ||
+      frames != header.frames.size() || format.GetSamplesPerPixel() != 1 ||
+      format.GetBitsAllocated() != header.bits_allocated || image.GetBufferLength() != bytes)
+    return kOtherSize;
+  if (!image.GetBuffer(out)) return kNotDecoded;
+  return image.IsLossy() ? kDoneWithLoss : kDone;
+}
+
+// GDCM and its decoders end the program by assertions if a stream is damaged; here they end a
+// child.
+Decoded decode_apart(const DicomHeader& header, std::size_t bytes, const SharedBytes& out) {
+  const pid_t child = fork();
+  if (child < 0) throw Error(header.file + ": no process could be started to decode it");
+  if (child == 0) {
+    const rlimit no_core{0, 0};
+    setrlimit(RLIMIT_CORE, &no_core);
+    alarm(kDecodeSeconds);
+    if (!std::freopen("/dev/null", "w", stderr) || !std::freopen("/dev/null", "w", stdout))
+      _exit(kNotDecoded);
+    gdcm::Trace::DebugOff();
+    gdcm::Trace::WarningOff();
+    gdcm::Trace::ErrorOff();
+    Decoded result = kNotDecoded;
+    try {
+      result = decode(header, bytes, out.data());
+    } catch (...) {
+    }
+    _exit(result);
+  }
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0)
+    if (errno != EINTR) return kNotDecoded;
+  return WIFEXITED(status) && WEXITSTATUS(status) <= kNotDecoded
+             ? static_cast<Decoded>(WEXITSTATUS(status))
+             : kNotDecoded;
+}
+
+// Stored bits to greys: of each cell, `bits_stored` bits up to `high_bit`.
+template <class Cell>
+void rescale(const char* bytes, bool big_endian, const DicomHeader& header,
+             std::vector<float>& greys) {
+  const std::size_t area = static_cast<std::size_t>(header.columns) * header.rows;
+  const int shift = header.high_bit + 1 - header.bits_stored;
+  const std::uint64_t one = 1, mask = (one << header.bits_stored) - 1,
+                      sign = one << (header.bits_stored - 1);
+  for (std::size_t i = 0; i < greys.size(); ++i) {
+    Cell cell = 0;
+    for (std::size_t b = 0; b < sizeof(Cell); ++b) {
+      const std::size_t at = i * sizeof(Cell) + (big_endian ? sizeof(Cell) - 1 - b : b);
+      cell = static_cast<Cell>(cell | static_cast<Cell>(static_cast<unsigned char>(bytes[at]))
+                                          << (8 * b));
+    }
+    const std::uint64_t stored = (cell >> shift) & mask;
+    auto value = static_cast<std::int64_t>(stored);
+    if (header.is_signed && (stored & sign) != 0) value -= static_cast<std::int64_t>(mask) + 1;
+    const DicomFrame& frame = header.frames[i / area];
+    greys[i] = static_cast<float>(frame.slope * static_cast<double>(value) + frame.intercept);
+  }
+}
+
+void rescale(const char* bytes, bool big_endian, const DicomHeader& header,
+             std::vector<float>& greys) {
+  if (header.bits_allocated == 8) rescale<std::uint8_t>(bytes, big_endian, header, greys);
+  if (header.bits_allocated == 16) rescale<std::uint16_t>(bytes, big_endian, header, greys);
+  if (header.bits_allocated == 32) rescale<std::uint32_t>(bytes, big_endian, header, greys);
+}
+
+}  // namespace
+
+std::vector<float> pixels_of(const std::string& path, const DicomHeader& header, bool& lossy) {
+  const std::string name = fs::path(header.file).filename().string();
+  const int bits = header.bits_allocated;
+  if ((bits != 8 && bits != 16 && bits != 32) || header.bits_stored < 1 ||
+      header.bits_stored > bits || header.high_bit >= bits ||
+      header.high_bit + 1 < header.bits_stored)
+    throw InputError(path, name,
+                     "holds pixels of " + std::to_string(header.bits_stored) + " in " +
+                         std::to_string(bits) + " bits, which isn't read",
+                     "export the series again, or as NRRD or NIfTI");
+  const DicomFile dicom = parse_dicom(header.file);  // well-formed: the header came from it
+  if (!dicom.pixels_complete)
+    throw InputError(path, name, "its pixel data is not complete", "copy the file again");
+  const std::size_t count =
+      static_cast<std::size_t>(header.columns) * header.rows * header.frames.size();
+  const std::size_t bytes = count * static_cast<std::size_t>(bits / 8);
+  const InputError other_size(path, name, "does not hold slices of the size that it states",
+                              "export the series again");
+  if (!dicom.compressed) {
+    if (dicom.pixels.size() < bytes || dicom.pixels.size() > bytes + 1) throw other_size;
+    std::vector<float> greys(count);
+    rescale(dicom.pixels.data(), dicom.big_endian, header, greys);
+    return greys;
+  }
+  const SharedBytes decoded(bytes);
+  const Decoded result = decode_apart(header, bytes, decoded);
+  if (result == kOtherSize) throw other_size;
+  if (result == kNotDecoded)
+    throw InputError(path, name, "its compressed pixel data cannot be decoded",
+                     "copy the file again, or export the series uncompressed");
+  lossy = lossy || result == kDoneWithLoss;
+  std::vector<float> greys(count);
+  rescale(decoded.data(), false, header, greys);
+  return greys;
+}
+
+}  // namespace toothprep::image
