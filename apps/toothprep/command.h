@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace toothprep::app {
 
@@ -30,7 +31,8 @@ void warn(const std::string& line);  // "warning: ..." on stderr, also when quie
 // Folder of the shipped data (burs, trajectories): $TOOTHPREP_DATA, beside the sources, or
 // installed.
 std::string data_folder();
-// Folder of the shipped scripts, beside the sources or installed with the data.
-std::string script_folder();
+// Runs a shipped script (beside the sources, or installed with the data) and waits for it; false if
+// it can't be run or fails.
+bool run_script(const std::string& name, const std::vector<std::string>& arguments);
 
 }  // namespace toothprep::app

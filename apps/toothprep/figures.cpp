@@ -1,8 +1,6 @@
 // toothprep figures: the paper's experiments, run and checked.
 #include "toothprep/figures/figures.h"
 
-#include <spawn.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -18,8 +16,6 @@
 #include "toothprep/figures/experiment.h"
 #include "toothprep/version.h"
 
-extern char** environ;
-
 namespace toothprep::app {
 namespace {
 
@@ -29,19 +25,6 @@ struct Options {
   double voxel = 0.1;
   bool force = false, no_plots = false, list = false, json = false;
 };
-
-// Runs a script of this project and waits for it; false if it failed.
-bool run_script(const std::string& script, const std::vector<std::string>& arguments) {
-  std::vector<char*> argv = {const_cast<char*>(script.c_str())};
-  for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
-  argv.push_back(nullptr);
-  pid_t child = 0;
-  if (posix_spawn(&child, script.c_str(), nullptr, nullptr, argv.data(), environ) != 0)
-    return false;
-  int status = 0;
-  if (waitpid(child, &status, 0) != child) return false;
-  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
-}
 
 void run(const Options& o, const Common& common) {
   const std::string folder = o.experiments.empty() ? data_folder() + "/figures" : o.experiments;
@@ -54,7 +37,7 @@ void run(const Options& o, const Common& common) {
   }
   if (o.output.empty()) throw CLI::RequiredError("--output");
   OutputFile output(o.output, o.force, true, "figures.json");
-  const std::string script = script_folder() + "/plot-figures";
+  const std::string script = "plot-figures";
   if (!o.no_plots && !run_script(script, {"--check"}))
     throw Error(script +
                 " cannot run; install python3-numpy, python3-h5py and python3-matplotlib, or give "

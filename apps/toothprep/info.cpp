@@ -119,7 +119,23 @@ void describe_trace(const std::string& path, Json& info) {
   info["parameters"] = trace.parameters_toml;
 }
 
+// A folder of several DICOM series: one of them is a scan, together they are a list.
+void describe_series(const std::vector<SeriesInfo>& series, Json& info) {
+  info["kind"] = "dicom-series";
+  info["series"] = Json::array();
+  for (const SeriesInfo& s : series)
+    info["series"].push_back({{"place", s.place},
+                              {"number", s.number ? Json(*s.number) : Json(nullptr)},
+                              {"uid", s.uid},
+                              {"description", s.description},
+                              {"modality", s.modality},
+                              {"slices", s.slices},
+                              {"columns", s.columns},
+                              {"rows", s.rows}});
+}
+
 void describe_scan(const std::string& path, Json& info) {
+  info["file_sha256"] = sha256_of_scan(path);
   const ImageVolume<float> scan = read_scan(path);
   info["kind"] = "scan";
   const auto [least, most] = std::minmax_element(scan.data.begin(), scan.data.end());
@@ -166,8 +182,12 @@ void print(const Json& info) {
           for (const Json& number : part)
             line += (&number == &part.front() ? (&part == &value.front() ? "" : "  |  ") : " ") +
                     scalar(number);
-        else
+        else if (part.is_object()) {
+          line += "\n ";
+          for (const auto& [name, field] : part.items()) line += " " + name + " " + scalar(field);
+        } else {
           line += (&part == &value.front() ? "" : " ") + scalar(part);
+        }
     } else {
       const std::string text = scalar(value);
       if (text.find('\n') != std::string::npos) line += '\n';
@@ -191,10 +211,11 @@ void run(const Options& o) {
   info["schema"] = "toothprep-info";
   info["schema_version"] = 1;
   info["file"] = o.file;
-  info["file_sha256"] = folder ? sha256_of_scan(o.file) : sha256_of_file(o.file);
-  if (folder)
-    describe_scan(o.file, info);
-  else if (extension == ".vdb")
+  if (!folder) info["file_sha256"] = sha256_of_file(o.file);
+  if (folder) {
+    const std::vector<SeriesInfo> series = list_series(o.file);
+    series.size() > 1 ? describe_series(series, info) : describe_scan(o.file, info);
+  } else if (extension == ".vdb")
     describe_tooth(o.file, info);
   else if (extension == ".h5" || extension == ".hdf5")
     is_trace_file(o.file) ? describe_trace(o.file, info)

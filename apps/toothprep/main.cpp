@@ -1,5 +1,8 @@
 // The toothprep binary: parses the command line, runs one subcommand, turns errors into one line.
+#include <spawn.h>
+#include <sys/wait.h>
 #include <tbb/global_control.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <exception>
@@ -30,14 +33,23 @@ std::string data_folder() {
   return kSourceDataFolder;
 }
 
-std::string script_folder() {
+bool run_script(const std::string& name, const std::vector<std::string>& arguments) {
   namespace fs = std::filesystem;
   const fs::path data = data_folder();
   std::error_code error;
   const fs::path installed = data / "scripts";
-  return (fs::is_directory(installed, error) ? installed : data / ".." / "scripts")
-      .lexically_normal()
-      .string();
+  const std::string script =
+      ((fs::is_directory(installed, error) ? installed : data / ".." / "scripts") / name)
+          .lexically_normal()
+          .string();
+  std::vector<char*> argv = {const_cast<char*>(script.c_str())};
+  for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
+  argv.push_back(nullptr);
+  pid_t child = 0;
+  if (posix_spawn(&child, script.c_str(), nullptr, nullptr, argv.data(), environ) != 0)
+    return false;
+  int status = 0;
+  return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
 namespace {

@@ -1,4 +1,4 @@
-// toothprep voxelize: a CT scan or a segmentation to a layered tooth.
+// toothprep voxelize: a CT scan, a segmentation or closed shells to a layered tooth.
 #include "toothprep/scan/voxelize.h"
 
 #include <unistd.h>
@@ -12,8 +12,11 @@
 
 #include "command.h"
 #include "toothprep/core/errors.h"
+#include "toothprep/core/hash.h"
 #include "toothprep/core/output_file.h"
+#include "toothprep/mesh/shells.h"
 #include "toothprep/scan/image_file.h"
+#include "toothprep/scan/scan_report.h"
 #include "toothprep/toothfile/tooth_file.h"
 
 namespace toothprep::app {
@@ -25,7 +28,11 @@ struct Options {
   std::vector<double> thresholds;
   std::string spacing_mm;
   std::vector<std::string> labels;  // tissue=value
-  bool force = false, json = false;
+  std::vector<std::string> meshes;  // tissue=file
+  std::string series, report;
+  int component = 0;  // 0: not given
+  bool allow_irregular = false;
+  bool repair = false, force = false, json = false;
 };
 
 std::map<std::uint16_t, Tissue> parse_labels(const std::vector<std::string>& texts) {
@@ -73,40 +80,155 @@ void warn_placeholder(const Options& options, const Vec3& spacing) {
          "--spacing-mm");
 }
 
-void run(const Options& options, const Common& common) {
+std::vector<std::pair<Tissue, std::string>> parse_meshes(const std::vector<std::string>& texts) {
+  std::vector<std::pair<Tissue, std::string>> meshes;
+  for (const std::string& text : texts) {
+    const auto equals = text.find('=');
+    const auto tissue = tissue_named(text.substr(0, equals));
+    if (equals == std::string::npos || !tissue || equals + 1 == text.size())
+      throw CLI::ValidationError(
+          "--mesh", "'" + text + "' is not TISSUE=FILE (enamel, dentin, pulp or other)");
+    for (const auto& [known, file] : meshes)
+      if (known == *tissue)
+        throw CLI::ValidationError("--mesh", text.substr(0, equals) + " is given twice");
+    meshes.emplace_back(*tissue, text.substr(equals + 1));
+  }
+  return meshes;
+}
+
+std::string joined(const std::vector<std::string>& texts, const char* separator) {
+  std::string all;
+  for (const auto& text : texts) all += (all.empty() ? "" : separator) + text;
+  return all;
+}
+
+std::function<void(const std::string&, double)> progress_line() {
+  return [](const std::string& stage, double done) {
+    if (done < 1)
+      std::cerr << format("\r%3.0f %%  %-30s", 100 * done, stage.c_str()) << std::flush;
+    else
+      std::cerr << format("\r%-38s\r", "") << std::flush;
+  };
+}
+
+// Provenance, the file, a line on stderr, JSON on stdout.
+void finish(LayeredTooth tooth, const Options& options, const Common& common, OutputFile& out,
+            const std::string& source, const std::string& source_sha256,
+            std::chrono::steady_clock::time_point start, const nlohmann::json& more) {
+  tooth.provenance["source"] = source;
+  tooth.provenance["source_sha256"] = source_sha256;
+  write_tooth(tooth, out.temporary());
+  out.commit();
+  const auto volumes = remaining_volumes_mm3(tooth);
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::string line = options.output + ":";
+  for (int t = 0; t < kTissueCount; ++t)
+    if (volumes[t] > 0)
+      line += format(" %s %.2f mm3,", std::string(kTissueNames[t]).c_str(), volumes[t]);
+  say(common, line + format(" voxel %.4g mm, %.1f s", options.voxel_mm, seconds));
+  if (!options.json) return;
+  nlohmann::json json = {{"schema", "toothprep-voxelize"},
+                         {"schema_version", 1},
+                         {"source", source},
+                         {"source_sha256", source_sha256},
+                         {"tooth", options.output},
+                         {"tooth_sha256", tooth_sha256(tooth)},
+                         {"voxel_mm", options.voxel_mm},
+                         {"seconds", seconds}};
+  for (int t = 0; t < kTissueCount; ++t)
+    json["volume_mm3"][std::string(kTissueNames[t])] = volumes[t];
+  json.update(more);
+  std::cout << json.dump(2) << '\n';
+}
+
+void run_meshes(const Options& options, const Common& common) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto meshes = parse_meshes(options.meshes);
+  OutputFile out(options.output, options.force);
+  const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
+  std::vector<TissueShell> shells;
+  std::vector<std::string> notes, names;
+  Sha256 all;
+  for (const auto& [tissue, file] : meshes) {
+    if (terminal) progress_line()("reading and checking", 0);
+    Shell shell = read_shell(file);
+    std::vector<std::string> faults = shell_faults(shell);
+    const bool faulty = !faults.empty();
+    if (faulty && options.repair) {
+      const auto repairs = repair_shell(shell);
+      if (!repairs.empty()) notes.push_back(file + ": repaired: " + joined(repairs, "; "));
+      faults = shell_faults(shell);
+    }
+    if (!faults.empty()) {
+      if (terminal) std::cerr << '\n';
+      throw InputError(file, "", joined(faults, "; "),
+                       options.repair ? "this can't be repaired without guessing; do it in a mesh "
+                                        "program"
+                                      : "--repair mends small faults");
+    }
+    const std::string one = sha256_of_file(file);
+    all.update(one.data(), one.size());
+    names.push_back(std::filesystem::path(file).filename().string());
+    shells.push_back({tissue, std::move(shell)});
+  }
+  ShellOptions how;
+  how.voxel = options.voxel_mm;
+  if (terminal) how.progress = progress_line();
+  LayeredTooth tooth;
+  try {
+    tooth = voxelize_shells(shells, how, &notes);
+  } catch (const Error&) {
+    if (terminal) std::cerr << '\n';
+    throw;
+  }
+  for (const auto& note : notes) warn(note);
+  finish(std::move(tooth), options, common, out, joined(names, ", "), all.hex(), start,
+         {{"notes", notes}});
+}
+
+void run_scan(const Options& options, const Common& common) {
   const auto start = std::chrono::steady_clock::now();
   const auto tissues = parse_labels(options.labels);
-  std::optional<std::array<double, 3>> spacing;
-  if (!options.spacing_mm.empty()) spacing = parse_spacing(options.spacing_mm);
+  ScanReadOptions reading;
+  if (!options.spacing_mm.empty()) reading.spacing_mm = parse_spacing(options.spacing_mm);
+  reading.series = options.series;
+  reading.allow_irregular = options.allow_irregular;
+  if (options.component > 0) reading.component = options.component;
   OutputFile out(options.output, options.force);
+  std::optional<OutputFile> report_folder;
+  if (!options.report.empty()) {
+    report_folder.emplace(options.report, options.force, true);
+    if (!run_script("plot-scan-report", {"--check"}))
+      throw Error("plot-scan-report cannot run; install python3-numpy and python3-matplotlib");
+  }
 
   VoxelizeOptions how;
   how.voxel = options.voxel_mm;
   if (!options.thresholds.empty()) how.thresholds = {options.thresholds[0], options.thresholds[1]};
   const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
-  if (terminal)
-    how.progress = [](const std::string& stage, double done) {
-      if (done < 1)
-        std::cerr << format("\r%3.0f %%  %-30s", 100 * done, stage.c_str()) << std::flush;
-      else
-        std::cerr << format("\r%-38s\r", "") << std::flush;
-    };
+  if (terminal) how.progress = progress_line();
 
   LayeredTooth tooth;
   VoxelizeReport report;
+  std::vector<std::string> notes;
   const std::string name =
       std::filesystem::path(options.scan).lexically_normal().filename().empty()
           ? std::filesystem::path(options.scan).lexically_normal().parent_path().filename().string()
           : std::filesystem::path(options.scan).filename().string();
   try {
     if (tissues.empty()) {
-      const ImageVolume<float> scan = read_scan(options.scan, spacing);
+      const ImageVolume<float> scan = read_scan(options.scan, reading, &notes);
       warn_placeholder(options, scan.spacing);
       tooth = voxelize_scan(scan, how, &report);
+      report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
+      if (report_folder) write_scan_report(report_folder->temporary(), &scan, tooth, report);
     } else {
-      const ImageVolume<std::uint16_t> labels = read_label_image(options.scan, spacing);
+      const ImageVolume<std::uint16_t> labels = read_label_image(options.scan, reading, &notes);
       warn_placeholder(options, labels.spacing);
       tooth = voxelize_labels(labels, tissues, how, &report);
+      report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
+      if (report_folder) write_scan_report(report_folder->temporary(), nullptr, tooth, report);
     }
   } catch (const InputError&) {
     if (terminal) std::cerr << '\n';
@@ -115,49 +237,38 @@ void run(const Options& options, const Common& common) {
     if (terminal) std::cerr << '\n';
     throw InputError(options.scan, "", e.what());
   }
-  const std::string source_sha256 = sha256_of_scan(options.scan);
-  tooth.provenance["source"] = name;
-  tooth.provenance["source_sha256"] = source_sha256;
-  write_tooth(tooth, out.temporary());
-  out.commit();
-
+  const std::string source_sha256 = sha256_of_scan(options.scan, options.series);
+  if (report_folder && !run_script("plot-scan-report", {report_folder->temporary()}))
+    throw Error("plot-scan-report failed");
   for (const auto& note : report.notes) warn(options.scan + ": " + note);
-  const auto volumes = remaining_volumes_mm3(tooth);
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  if (tissues.empty())
+  nlohmann::json more;
+  if (tissues.empty()) {
     say(common,
         format("thresholds %.4g (dentin), %.4g (enamel)%s; grey values: surroundings %.4g, dentin "
                "%.4g, enamel %.4g",
                report.threshold_dentin, report.threshold_enamel,
                options.thresholds.empty() ? ", automatic" : "", report.surroundings, report.dentin,
                report.enamel));
-  std::string line = options.output + ":";
-  for (int t = 0; t < kTissueCount; ++t)
-    if (volumes[t] > 0)
-      line += format(" %s %.2f mm3,", std::string(kTissueNames[t]).c_str(), volumes[t]);
-  say(common, line + format(" voxel %.4g mm, %.1f s", options.voxel_mm, seconds));
-  if (options.json) {
-    nlohmann::json json = {{"schema", "toothprep-voxelize"},
-                           {"schema_version", 1},
-                           {"source", name},
-                           {"source_sha256", source_sha256},
-                           {"tooth", options.output},
-                           {"tooth_sha256", tooth_sha256(tooth)},
-                           {"voxel_mm", options.voxel_mm},
-                           {"seconds", seconds}};
-    for (int t = 0; t < kTissueCount; ++t)
-      json["volume_mm3"][std::string(kTissueNames[t])] = volumes[t];
-    if (tissues.empty()) {
-      json["threshold_dentin"] = report.threshold_dentin;
-      json["threshold_enamel"] = report.threshold_enamel;
-      json["grey_surroundings"] = report.surroundings;
-      json["grey_dentin"] = report.dentin;
-      json["grey_enamel"] = report.enamel;
-    }
-    json["notes"] = report.notes;
-    std::cout << json.dump(2) << '\n';
+    more = {{"threshold_dentin", report.threshold_dentin},
+            {"threshold_enamel", report.threshold_enamel},
+            {"grey_surroundings", report.surroundings},
+            {"grey_dentin", report.dentin},
+            {"grey_enamel", report.enamel}};
   }
+  more["notes"] = report.notes;
+  finish(std::move(tooth), options, common, out, name, source_sha256, start, more);
+  if (report_folder) report_folder->commit();
+}
+
+void run(const Options& options, const Common& common) {
+  if (options.scan.empty() == options.meshes.empty())
+    throw CLI::ValidationError("voxelize", options.meshes.empty()
+                                               ? "needs a scan or --mesh TISSUE=FILE"
+                                               : "takes a scan or --mesh, not both");
+  if (options.meshes.empty())
+    run_scan(options, common);
+  else
+    run_meshes(options, common);
 }
 
 }  // namespace
@@ -166,10 +277,11 @@ void add_voxelize(CLI::App& app, const Common& common) {
   const auto options = std::make_shared<Options>();
   CLI::App* sub = app.add_subcommand(
       "voxelize",
-      "A CT scan (DICOM series, NRRD, NIfTI, MetaImage) or a segmentation to a layered tooth");
-  sub->add_option("scan", options->scan,
-                  "Folder with one DICOM series, or .nrrd .nhdr .nii .nii.gz .mha .mhd")
-      ->required();
+      "A CT scan (DICOM series, NRRD, NIfTI, MetaImage), a segmentation or closed shells to a "
+      "layered tooth");
+  sub->add_option(
+      "scan", options->scan,
+      "Folder with a DICOM series, or .dcm (multi-frame) .nrrd .nhdr .nii .nii.gz .mha .mhd");
   sub->add_option("-o,--output", options->output, "Tooth file (.vdb)")->required();
   sub->add_option("--voxel-mm", options->voxel_mm, "Voxel size of the tooth, mm")
       ->check(CLI::Range(1e-3, 10.0))
@@ -188,13 +300,42 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->excludes("--thresholds");
+  sub->add_option("--mesh", options->meshes,
+                  "In place of a scan, closed shells in mm (.stl .ply .obj .off), one per option: "
+                  "enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the inner "
+                  "tissue wins")
+      ->allow_extra_args(false)
+      ->excludes("--labels")
+      ->excludes("--thresholds")
+      ->excludes("--spacing-mm");
+  sub->add_option(
+         "--series", options->series,
+         "Of a folder with several DICOM series, the one by its place in the list, number, "
+         "UID or description")
+      ->excludes("--mesh");
+  sub->add_flag("--allow-irregular", options->allow_irregular,
+                "Resample missing or uneven slices and a tilted gantry instead of refusing them")
+      ->excludes("--mesh");
+  sub->add_option("--component", options->component,
+                  "Of an image with several components, or a 4-D one, the one to take (1 is the "
+                  "first)")
+      ->check(CLI::Range(1, 65535))
+      ->excludes("--mesh");
+  sub->add_option("--report", options->report,
+                  "Also make a folder with the histogram, three slices with the tissues' outlines, "
+                  "volumes and the enamel's thickness")
+      ->excludes("--mesh");
+  sub->add_flag("--repair", options->repair,
+                "Mend what can be mended in the shells without guessing, and say what was done")
+      ->needs("--mesh");
   sub->add_flag("--force", options->force, "Replace an existing output");
   sub->add_flag("--json", options->json, "Thresholds, volumes and hashes on stdout as JSON");
   sub->footer(
       "Examples:\n"
       "  toothprep voxelize scan.nrrd -o tooth.vdb --spacing-mm 0.12\n"
       "  toothprep voxelize dicom-folder -o tooth.vdb --voxel-mm 0.05 --thresholds 900,1900\n"
-      "  toothprep voxelize segmentation.nii.gz -o tooth.vdb --labels enamel=2,dentin=3,other=1");
+      "  toothprep voxelize segmentation.nii.gz -o tooth.vdb --labels enamel=2,dentin=3,other=1\n"
+      "  toothprep voxelize --mesh enamel=crown.stl --mesh dentin=dentin.stl -o tooth.vdb");
   sub->callback([options, &common] { run(*options, common); });
 }
 

@@ -209,6 +209,48 @@ class Commands(unittest.TestCase):
             self.assert_refused("voxelize", name, "-o", "no.vdb", output="no.vdb", says=name)
         self.assert_refused("export", "block.vdb", "-o", "no.csv", output="no.csv", says="block.vdb")
 
+    def test_voxelize_reports_what_it_found(self):
+        self.run_ok("specimen", "scan", "-o", "small.nrrd", "--spacing-mm", "0.3")
+        self.run_ok("voxelize", "small.nrrd", "-o", "small.vdb", "--voxel-mm", "0.2", "--report", "seen")
+        with open(self.path("seen/report.json")) as f:
+            report = json.load(f)
+        self.assertEqual(report["schema"], "toothprep-scan-report")
+        self.assertGreater(report["enamel_thickness_mm"]["mean"], 0.5)
+        self.assertLess(report["threshold_dentin"], report["threshold_enamel"])
+        for name in ("histogram.png", "slices.png"):
+            self.assertGreater(os.path.getsize(self.path(os.path.join("seen", name))), 5000)
+
+    def test_shells_come_back_as_the_tooth_that_they_were_taken_from(self):
+        for tissue in ("enamel", "dentin"):
+            self.run_ok("mesh", "block.vdb", "--tissue", tissue, "-o", f"{tissue}-shell.stl")
+        self.run_ok("voxelize", "--mesh", "enamel=enamel-shell.stl", "--mesh", "dentin=dentin-shell.stl", "-o",
+                    "shells.vdb")
+        volumes = [json.loads(self.run_ok("info", name, "--json").stdout)["volume_mm3"]
+                   for name in ("block.vdb", "shells.vdb")]
+        for tissue in ("enamel", "dentin"):
+            self.assertLess(abs(volumes[1][tissue] / volumes[0][tissue] - 1), 0.005, tissue)
+        with open(self.path("enamel-shell.stl"), "rb") as f:
+            whole = f.read()
+        count = int.from_bytes(whole[80:84], "little")
+        with open(self.path("hole.stl"), "wb") as f:  # one triangle less
+            f.write(whole[:80] + (count - 1).to_bytes(4, "little") + whole[84:-50])
+        self.assert_refused("voxelize", "--mesh", "enamel=hole.stl", "-o", "no.vdb", output="no.vdb", says="hole.stl")
+        self.assertEqual(self.run_tool("voxelize", "-o", "no.vdb").returncode, 2)
+        self.assertEqual(self.run_tool("voxelize", "--mesh", "enamel", "-o", "no.vdb").returncode, 2)
+
+    def test_one_of_several_series_is_chosen(self):
+        for spacing in ("0.5", "0.4"):
+            self.run_ok("specimen", "scan", "-o", f"ct-{spacing}", "--spacing-mm", spacing)
+        os.makedirs(self.path("two"))
+        for spacing in ("0.5", "0.4"):
+            for name in os.listdir(self.path(f"ct-{spacing}")):
+                shutil.copy(self.path(os.path.join(f"ct-{spacing}", name)), self.path(f"two/{spacing}-{name}"))
+        listed = json.loads(self.run_ok("info", "two", "--json").stdout)
+        self.assertEqual(len(listed["series"]), 2)
+        self.assert_refused("voxelize", "two", "-o", "no.vdb", "--voxel-mm", "0.3", output="no.vdb", says="--series")
+        self.run_ok("voxelize", "two", "--series", listed["series"][0]["uid"], "--voxel-mm", "0.3", "-o", "chosen.vdb")
+        self.assert_refused("voxelize", "two", "--series", "none such", "-o", "no.vdb", output="no.vdb", says="none such")
+
     def make_experiment(self, name, **changes):
         """A folder with one small experiment: a ball through 1.5 mm of enamel into dentin."""
         keys = {"kind": "plateaus", "drive": "direct", "bur": "ball:D1.2", "trajectory": "path.toml"} | changes
