@@ -15,6 +15,7 @@
 #include "toothprep/core/hash.h"
 #include "toothprep/core/output_file.h"
 #include "toothprep/mesh/shells.h"
+#include "toothprep/scan/crop.h"
 #include "toothprep/scan/image_file.h"
 #include "toothprep/scan/scan_report.h"
 #include "toothprep/toothfile/tooth_file.h"
@@ -30,7 +31,8 @@ struct Options {
   std::vector<std::string> labels;  // tissue=value
   std::vector<std::string> meshes;  // tissue=file
   std::string series, report;
-  int component = 0;  // 0: not given
+  std::vector<double> roi;  // mm
+  int component = 0;        // 0: not given
   bool allow_irregular = false;
   bool repair = false, force = false, json = false;
 };
@@ -195,6 +197,10 @@ void run_scan(const Options& options, const Common& common) {
   reading.series = options.series;
   reading.allow_irregular = options.allow_irregular;
   if (options.component > 0) reading.component = options.component;
+  std::optional<Box> roi;
+  if (!options.roi.empty())
+    roi = Box{Vec3(options.roi[0], options.roi[2], options.roi[4]),
+              Vec3(options.roi[1], options.roi[3], options.roi[5])};
   OutputFile out(options.output, options.force);
   std::optional<OutputFile> report_folder;
   if (!options.report.empty()) {
@@ -218,13 +224,15 @@ void run_scan(const Options& options, const Common& common) {
           : std::filesystem::path(options.scan).filename().string();
   try {
     if (tissues.empty()) {
-      const ImageVolume<float> scan = read_scan(options.scan, reading, &notes);
+      ImageVolume<float> scan = read_scan(options.scan, reading, &notes);
+      if (roi) scan = crop(scan, *roi);
       warn_placeholder(options, scan.spacing);
       tooth = voxelize_scan(scan, how, &report);
       report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
       if (report_folder) write_scan_report(report_folder->temporary(), &scan, tooth, report);
     } else {
-      const ImageVolume<std::uint16_t> labels = read_label_image(options.scan, reading, &notes);
+      ImageVolume<std::uint16_t> labels = read_label_image(options.scan, reading, &notes);
+      if (roi) labels = crop(labels, *roi);
       warn_placeholder(options, labels.spacing);
       tooth = voxelize_labels(labels, tissues, how, &report);
       report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
@@ -320,6 +328,12 @@ void add_voxelize(CLI::App& app, const Common& common) {
                   "Of an image with several components, or a 4-D one, the one to take (1 is the "
                   "first)")
       ->check(CLI::Range(1, 65535))
+      ->excludes("--mesh");
+  sub->add_option("--roi", options->roi,
+                  "Only this part of the scan: XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX in mm, LPS")
+      ->delimiter(',')
+      ->expected(6)
+      ->allow_extra_args(false)
       ->excludes("--mesh");
   sub->add_option("--report", options->report,
                   "Also make a folder with the histogram, three slices with the tissues' outlines, "
