@@ -113,5 +113,20 @@ TEST(Figures, AWrongParameterIsRefusedBeforeAnythingRuns) {
   }
 }
 
+TEST(Figures, ADroopingHandpieceIsRefusedWhereTheExactAnswerKnowsNone) {
+  const ScratchFolder folder("droop");
+  write_small(folder);
+  FigureOptions o = options_of(folder, "out");
+  o.base = preset_parameters("physical");
+  EXPECT_NO_THROW(run_figures(o));  // its own parameters never stall: no droop either
+  folder.write("in/small/params.toml", "");
+  try {
+    run_figures(o);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_THAT(e.what(), ::testing::HasSubstr("small: its exact answer knows a fixed"));
+  }
+}
+
 }  // namespace
 }  // namespace toothprep::figures

@@ -1,5 +1,9 @@
 #include "toothprep/figures/figures.h"
 
+#include <cmath>
+
+#include "toothprep/bur/bur_library.h"
+#include "toothprep/core/errors.h"
 #include "toothprep/figures/workshop.h"
 
 namespace toothprep::figures {
@@ -23,6 +27,23 @@ FigureReport run_experiment(const Experiment& experiment, Workshop& workshop) {
       return droop_figure(experiment, workshop);
   }
   return {};
+}
+
+// What can be known to be wrong before anything runs.
+void check(const Experiment& experiment, const FigureOptions& options) {
+  const bool exact = experiment.kind == Kind::kPlateaus || experiment.kind == Kind::kStall ||
+                     experiment.kind == Kind::kProportionalToSpeed ||
+                     experiment.kind == Kind::kProportionalToArea;
+  for (const Run& run : experiment.runs) {
+    const Parameters p = parameters_of(run, options.base, !run.literal.empty());
+    path_of(run, p);
+    make_bur(run.bur, options.bur_library);
+    if (exact && p.handpiece.model == HandpieceModel::kDroop &&
+        std::isfinite(p.handpiece.stall_torque))
+      throw Error(experiment.name +
+                  ": its exact answer knows a fixed rotation rate only; give [handpiece] model = "
+                  "\"fixed\" in --params, or leave it out with --only");
+  }
 }
 
 const RunReport* find_run(const std::vector<FigureReport>& figures, const std::string& name,
@@ -65,6 +86,7 @@ std::vector<FigureReport> run_figures(const FigureOptions& options) {
   int replays = 0;
   for (const std::string& folder : options.experiments) {
     experiments.push_back(read_experiment(folder));
+    check(experiments.back(), options);
     replays += replays_of(experiments.back(), options);
   }
   Workshop workshop(options, replays);
