@@ -200,9 +200,8 @@ FigureReport closed_loop_figure(const Experiment& experiment, Workshop& workshop
   Plot plot;
   plot.file = experiment.name + "/forces";
   plot.title = experiment.title;
-  plot.panels = {{"device $F_y$ (N)\ndirect", {}, {}},
-                 {"device $F_y$ (N)\ncoupled", {}, {}},
-                 {"handle $y$ (mm)", {}, {}}};
+  plot.panels = {
+      {"device $F_y$ (N)\ndirect", {}}, {"device $F_y$ (N)\ncoupled", {}}, {"handle $y$ (mm)", {}}};
   for (int i = 0; i < 2; ++i) {
     const Loop& loop = loops[i];
     RunReport report = report_of(runs[i], loop.outcome, o.voxel, nullptr);

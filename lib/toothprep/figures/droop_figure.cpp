@@ -156,9 +156,9 @@ FigureReport droop_figure(const Experiment& experiment, Workshop& workshop) {
     plot.file = experiment.name + "/" + run.name;
     plot.title = experiment.title + ", " + run.title;
     plot.panels = force_panels({{"level sets", report.trace, "", "run"}}, exact_file);
-    plot.panels.push_back({"$N$ (rev/s)", {{"", report.trace, "rotation_rate_rev_s", "run"}}, {}});
+    plot.panels.push_back({"$N$ (rev/s)", {{"", report.trace, "rotation_rate_rev_s", "run"}}});
     plot.panels.push_back(
-        {"feed $-v_y$ (mm/s)", {{"", report.trace, "bur_velocity_y_mm_s", "run", -1}}, {}});
+        {"feed $-v_y$ (mm/s)", {{"", report.trace, "bur_velocity_y_mm_s", "run", -1}}});
     plot.stalled = report.trace;
     figure.plots.push_back(plot);
     figure.runs.push_back(report);

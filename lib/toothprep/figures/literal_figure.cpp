@@ -101,10 +101,10 @@ FigureReport literal_figure(const Experiment& experiment, Workshop& workshop) {
     Plot plot;
     plot.file = experiment.name + "/" + run.name;
     plot.title = run.title;
-    plot.panels = {{"device $F_x$ (N)", {}, {}},
-                   {"device $F_y$ (N)", {}, {}},
-                   {"$T_z$ (mN·m)", {}, {}},
-                   {"bur's $y$ (mm)", {}, {}}};
+    plot.panels = {{"device $F_x$ (N)", {}},
+                   {"device $F_y$ (N)", {}},
+                   {"$T_z$ (mN·m)", {}},
+                   {"bur's $y$ (mm)", {}}};
     const char* columns[4] = {"force_device_x_N", "force_device_y_N", "torque_mNm", "bur_y_mm"};
     for (const bool literal : {true, false}) {
       RunReport report = report_of(run, outcomes[i][literal], o.voxel, nullptr);

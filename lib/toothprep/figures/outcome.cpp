@@ -125,12 +125,10 @@ Exact exact_answer(const Experiment& experiment, const Run& run, const Parameter
   times.reserve(path.size());
   for (const HandleSample& s : path) times.push_back(s.time);
   const reference::CoupledResult solved = coupled_feed(scene, feed, times);
-  exact.position.resize(path.size());
   for (std::size_t i = 0; i < solved.rows.size(); ++i) {
     exact.force[i] = solved.rows[i].force;
     exact.torque[i] = solved.rows[i].torque;
     exact.area[i] = solved.rows[i].area;
-    exact.position[i] = solved.rows[i].position;
   }
   exact.stall = solved.stall;
   return exact;

@@ -19,7 +19,6 @@ struct Exact {
   std::vector<Vec3> force;              // N, on the bur, W
   std::vector<double> torque;           // N·mm
   std::vector<PerTissue<double>> area;  // mm², advancing contact
-  std::vector<Vec3> position;           // mm, of the bur; only of a coupled run
   std::optional<reference::StallEvent> stall;
 };
 

@@ -80,8 +80,6 @@ Json json_of(const Plot& p) {
   for (const Panel& panel : p.panels) {
     Json q;
     q["label"] = panel.label;
-    q["levels"] = panel.levels;
-    q["log"] = panel.log;
     for (const Curve& c : panel.curves)
       q["curves"].push_back({{"label", c.label},
                              {"file", c.file},

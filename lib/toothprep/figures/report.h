@@ -46,7 +46,7 @@ struct RunReport {
   double energy_ratio = 0;  // NaN: nothing removed
   double peak_force_n = 0, largest_lag_mm = 0;
   long stalled_steps = 0, stall_onsets = 0, shank_contact_steps = 0;
-  double seconds_simulated = 0, realtime_factor = 0;
+  double seconds_simulated = 0;
   std::vector<double> removed_mm3;  // per tissue
 };
 
@@ -59,8 +59,6 @@ struct Curve {
 struct Panel {
   std::string label;  // of the axis
   std::vector<Curve> curves;
-  std::vector<double> levels;  // dashed lines across
-  bool log = false;
 };
 struct Plot {
   std::string file;  // without extension, relative

@@ -128,7 +128,6 @@ FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
                       v.exact.force.resize(s.end);
                       v.exact.torque.resize(s.end);
                       v.exact.area.resize(s.end);
-                      v.exact.position.resize(s.end);
                     }});
   workshop.run(jobs);
 
@@ -158,7 +157,7 @@ FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
       }
     }
     plot.panels = force_panels(curves, exact_file);
-    Panel y = {"$y$ (mm)", {}, {}};
+    Panel y = {"$y$ (mm)", {}};
     y.curves.push_back({"handle", curves.back().file, "handle_y_mm", "thin"});
     y.curves.push_back({"bur", curves.back().file, "bur_y_mm", "run"});
     plot.panels.push_back(y);

@@ -117,7 +117,6 @@ RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const 
   report.stall_onsets = r.totals.stall_onsets;
   report.shank_contact_steps = r.totals.shank_contact_steps;
   report.seconds_simulated = r.seconds_simulated;
-  report.realtime_factor = r.seconds_simulated / r.seconds_computed;
   report.removed_mm3.assign(r.totals.removed.begin(), r.totals.removed.end());
   if (!exact) return report;
   const Deviation d = deviation(outcome, *exact);
@@ -138,8 +137,7 @@ RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const 
 }
 
 std::vector<Panel> force_panels(const std::vector<Curve>& files, const std::string& exact) {
-  std::vector<Panel> panels = {
-      {"$F_x$ (N)", {}, {}}, {"$F_y$ (N)", {}, {}}, {"$T_z$ (mN·m)", {}, {}}};
+  std::vector<Panel> panels = {{"$F_x$ (N)", {}}, {"$F_y$ (N)", {}}, {"$T_z$ (mN·m)", {}}};
   const char* columns[3] = {"force_grinding_x_N", "force_grinding_y_N", "torque_mNm"};
   for (int p = 0; p < 3; ++p) {
     for (Curve curve : files) {

@@ -46,8 +46,6 @@ class VoxelEngine final : public GrindingEngine {
   void finish(const Pose& pose) noexcept override;
   const PerTissue<double>& removed() const noexcept override { return removed_; }
 
-  std::size_t boundary_voxels() const { return feelers_.size(); }
-
  private:
   // A boundary voxel.
   struct Feeler {
