@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -136,19 +137,28 @@ void describe_series(const std::vector<SeriesInfo>& series, Json& info) {
 
 void describe_scan(const std::string& path, Json& info) {
   info["file_sha256"] = sha256_of_scan(path);
-  const ImageVolume<float> scan = read_scan(path);
-  info["kind"] = "scan";
-  const auto [least, most] = std::minmax_element(scan.data.begin(), scan.data.end());
+  const auto scan = open_scan(path);
+  const ImageFrame& frame = scan->frame();
+  const std::size_t area = static_cast<std::size_t>(frame.size.x()) * frame.size.y();
+  float least = std::numeric_limits<float>::infinity(), most = -least;
   double sum = 0;
-  for (const float v : scan.data) sum += v;
-  info["size"] = {scan.size.x(), scan.size.y(), scan.size.z()};
-  info["spacing_mm"] = list(scan.spacing);
-  info["origin_mm"] = list(scan.origin);
+  for_each_slab(*scan, [&](int, int count, const float* values) {
+    for (std::size_t v = 0; v < area * static_cast<std::size_t>(count); ++v) {
+      least = std::min(least, values[v]);
+      most = std::max(most, values[v]);
+      sum += values[v];
+    }
+  });
+  info["kind"] = "scan";
+  info["size"] = {frame.size.x(), frame.size.y(), frame.size.z()};
+  info["spacing_mm"] = list(frame.spacing);
+  info["origin_mm"] = list(frame.origin);
   info["direction"] = Json::array();  // row by row
-  for (int r = 0; r < 3; ++r) info["direction"].push_back(list(scan.direction.row(r)));
-  info["min"] = *least;
-  info["max"] = *most;
-  info["mean"] = sum / static_cast<double>(scan.data.size());
+  for (int r = 0; r < 3; ++r) info["direction"].push_back(list(frame.direction.row(r)));
+  info["min"] = least;
+  info["max"] = most;
+  info["mean"] = sum / static_cast<double>(frame.voxels());
+  if (!scan->notes().empty()) info["notes"] = scan->notes();
 }
 
 void describe_mesh(const std::string& path, const std::string& extension, Json& info) {

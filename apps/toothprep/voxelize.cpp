@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <future>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -217,27 +218,27 @@ void run_scan(const Options& options, const Common& common) {
 
   LayeredTooth tooth;
   VoxelizeReport report;
-  std::vector<std::string> notes;
+  std::future<std::string> hash;  // beside the work: it takes about as long as reading
   const std::string name =
       std::filesystem::path(options.scan).lexically_normal().filename().empty()
           ? std::filesystem::path(options.scan).lexically_normal().parent_path().filename().string()
           : std::filesystem::path(options.scan).filename().string();
   try {
+    reading.labels = !tissues.empty();
+    std::unique_ptr<ScanSource> scan = open_scan(options.scan, reading);
+    hash = std::async(std::launch::async,
+                      [&] { return sha256_of_scan(options.scan, options.series); });
+    warn_placeholder(options, scan->frame().spacing);
+    if (roi) scan = crop(std::move(scan), *roi);
     if (tissues.empty()) {
-      ImageVolume<float> scan = read_scan(options.scan, reading, &notes);
-      if (roi) scan = crop(scan, *roi);
-      warn_placeholder(options, scan.spacing);
-      tooth = voxelize_scan(scan, how, &report);
-      report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
-      if (report_folder) write_scan_report(report_folder->temporary(), &scan, tooth, report);
+      how.keep_greys = report_folder.has_value();
+      tooth = voxelize_scan(*scan, how, &report);
     } else {
-      ImageVolume<std::uint16_t> labels = read_label_image(options.scan, reading, &notes);
-      if (roi) labels = crop(labels, *roi);
-      warn_placeholder(options, labels.spacing);
+      const ImageVolume<std::uint16_t> labels = read_labels(*scan);
       tooth = voxelize_labels(labels, tissues, how, &report);
-      report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
-      if (report_folder) write_scan_report(report_folder->temporary(), nullptr, tooth, report);
+      report.notes = scan->notes();
     }
+    if (report_folder) write_scan_report(report_folder->temporary(), tooth, report);
   } catch (const InputError&) {
     if (terminal) std::cerr << '\n';
     throw;
@@ -245,7 +246,7 @@ void run_scan(const Options& options, const Common& common) {
     if (terminal) std::cerr << '\n';
     throw InputError(options.scan, "", e.what());
   }
-  const std::string source_sha256 = sha256_of_scan(options.scan, options.series);
+  const std::string source_sha256 = hash.get();
   if (report_folder && !run_script("plot-scan-report", {report_folder->temporary()}))
     throw Error("plot-scan-report failed");
   for (const auto& note : report.notes) warn(options.scan + ": " + note);

@@ -62,7 +62,9 @@ TEST(ScanReport, LeavesItsFilesWithAndWithoutGreys) {
     const auto folder = std::filesystem::path(TOOTHPREP_BINARY_DIR) / "tests" / "scan-report";
     std::filesystem::remove_all(folder);
     std::filesystem::create_directories(folder);
-    write_scan_report(folder.string(), greys ? &scan : nullptr, tooth, {});
+    VoxelizeReport report;
+    if (greys) report.greys = scan;
+    write_scan_report(folder.string(), tooth, report);
     EXPECT_EQ(std::filesystem::exists(folder / "histogram.csv"), greys);
     for (const char* file : {"report.json", "slice-x.csv", "slice-y.csv", "slice-z.csv"})
       EXPECT_GT(std::filesystem::file_size(folder / file), 100u) << file;

@@ -9,22 +9,29 @@
 
 namespace toothprep {
 
-template <class T>
-struct ImageVolume {
+// Where an image lies, without its values.
+struct ImageFrame {
   Index3 size = Index3::Zero();       // voxels
   Vec3 spacing = Vec3::Ones();        // mm
   Vec3 origin = Vec3::Zero();         // mm, W: the centre of voxel (0, 0, 0)
   Mat3 direction = Mat3::Identity();  // columns: the image axes in W (LPS)
-  std::vector<T> data;                // size.prod() values
+
+  Vec3 to_world(const Vec3& index) const {
+    return origin + direction * spacing.cwiseProduct(index);
+  }
+  Mat3 to_index() const { return spacing.cwiseInverse().asDiagonal() * direction.transpose(); }
+  std::size_t voxels() const { return static_cast<std::size_t>(size.cast<double>().prod()); }
+};
+
+template <class T>
+struct ImageVolume : ImageFrame {
+  std::vector<T> data;  // voxels() values
 
   std::size_t offset(int i, int j, int k) const {
     return (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;
   }
   T& at(int i, int j, int k) { return data[offset(i, j, k)]; }
   const T& at(int i, int j, int k) const { return data[offset(i, j, k)]; }
-  Vec3 to_world(const Vec3& index) const {
-    return origin + direction * spacing.cwiseProduct(index);
-  }
 };
 
 }  // namespace toothprep

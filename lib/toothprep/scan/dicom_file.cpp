@@ -1,11 +1,14 @@
 #include "toothprep/scan/dicom_file.h"
 
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
 #include <array>
 #include <fstream>
-#include <iterator>
 #include <stdexcept>
 
 #include "toothprep/scan/image_checks.h"
@@ -228,12 +231,41 @@ bool is_dicom_file(const std::string& path) {
   return in && std::string_view(head.data() + 128, 4) == "DICM";
 }
 
+MappedFile::MappedFile(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return;
+  struct stat about {};
+  if (fstat(file, &about) == 0 && S_ISREG(about.st_mode) && about.st_size > 0) {
+    size_ = static_cast<std::size_t>(about.st_size);
+    at_ = mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file, 0);
+    if (at_ == MAP_FAILED) at_ = nullptr, size_ = 0;
+  }
+  close(file);
+}
+
+MappedFile::~MappedFile() {
+  if (at_) munmap(at_, size_);
+}
+
+MappedFile& MappedFile::operator=(MappedFile&& other) noexcept {
+  std::swap(at_, other.at_);
+  std::swap(size_, other.size_);
+  return *this;
+}
+
+void MappedFile::release(std::string_view part) const {
+  const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = (reinterpret_cast<std::uintptr_t>(part.data()) + page - 1) / page * page;
+  const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size()) / page * page;
+  if (at_ && first < last) madvise(reinterpret_cast<void*>(first), last - first, MADV_DONTNEED);
+}
+
 DicomFile parse_dicom(const std::string& path) {
   DicomFile file;
-  std::ifstream in(path, std::ios::binary);
-  file.bytes.assign(std::istreambuf_iterator<char>(in), {});
-  if (file.bytes.size() < 132) throw std::runtime_error("it can't be read");
-  Parser head(file.bytes, 132);
+  file.file = MappedFile(path);
+  std::string_view bytes = file.file.bytes();
+  if (bytes.size() < 132) throw std::runtime_error("it can't be read");
+  Parser head(bytes, 132);
   const std::string syntax = head.meta().text(kSyntax), uid = "1.2.840.10008.1.2";
   Encoding how;
   std::size_t at = head.at();
@@ -242,8 +274,9 @@ DicomFile parse_dicom(const std::string& path) {
   } else if (syntax == uid + ".2") {
     how.big = true;
   } else if (syntax == uid + ".1.99") {
-    file.bytes = inflated(std::string_view(file.bytes).substr(at));
-    file.bytes.reserve(256);  // on the heap, so that the views survive a move
+    file.inflated = inflated(bytes.substr(at));
+    file.inflated.reserve(256);  // on the heap, so that the views survive a move
+    bytes = file.inflated;
     at = 0;
   } else if (syntax == uid + ".5" || syntax.starts_with(uid + ".4.")) {
     how.compressed = true;
@@ -252,8 +285,8 @@ DicomFile parse_dicom(const std::string& path) {
   }
   file.big_endian = how.big;
   file.compressed = how.compressed;
-  Parser body(file.bytes, at);
-  file.top = body.elements(file.bytes.size(), false, how, 0, &file);
+  Parser body(bytes, at);
+  file.top = body.elements(bytes.size(), false, how, 0, &file);
   return file;
 }
 

@@ -11,9 +11,27 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace toothprep::image {
+
+// A file's bytes as the system pages them in, so that a header costs no more than itself.
+class MappedFile {
+ public:
+  MappedFile() = default;
+  explicit MappedFile(const std::string& path);  // empty if it can't be read
+  ~MappedFile();
+  MappedFile(MappedFile&& other) noexcept { *this = std::move(other); }
+  MappedFile& operator=(MappedFile&& other) noexcept;
+  std::string_view bytes() const { return {static_cast<const char*>(at_), size_}; }
+  // Part of bytes() isn't looked at again soon and need not stay in memory.
+  void release(std::string_view part) const;
+
+ private:
+  void* at_ = nullptr;
+  std::size_t size_ = 0;
+};
 
 struct DicomItems;
 
@@ -39,7 +57,9 @@ struct DicomFile {
   // A 16-bit number at the top.
   std::optional<int> number(std::uint32_t tag) const;
 
-  std::string bytes;  // what all the views look at
+  // What all the views look at: the file, or what it inflates to.
+  MappedFile file;
+  std::string inflated;
 };
 
 bool is_dicom_file(const std::string& path);  // by its mark

@@ -10,7 +10,7 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
+#include <mutex>
 
 #include "toothprep/core/errors.h"
 
@@ -20,24 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr unsigned kDecodeSeconds = 300;  // a decoder that hangs is ended
-
-// Memory that a child process can write for its parent.
-class SharedBytes {
- public:
-  explicit SharedBytes(std::size_t size)
-      : size_(size),
-        at_(mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
-    if (at_ == MAP_FAILED) throw std::bad_alloc();
-  }
-  ~SharedBytes() { munmap(at_, size_); }
-  SharedBytes(const SharedBytes&) = delete;
-  SharedBytes& operator=(const SharedBytes&) = delete;
-  char* data() const { return static_cast<char*>(at_); }
-
- private:
-  std::size_t size_;
-  void* at_;
-};
 
 enum Decoded { kDone = 0, kDoneWithLoss = 1, kOtherSize = 2, kNotDecoded = 3 };
 
@@ -59,8 +41,14 @@ Decoded decode(const DicomHeader& header, std::size_t bytes, char* out) {
 
 // GDCM and its decoders end the program by assertions if a stream is damaged; here they end a
 // child.
-Decoded decode_apart(const DicomHeader& header, std::size_t bytes, const SharedBytes& out) {
-  const pid_t child = fork();
+Decoded decode_apart(const DicomHeader& header, std::size_t bytes, char* out) {
+  // ITK ends and restarts its threads around a fork, and not for two forks at once.
+  static std::mutex one_fork;
+  pid_t child = 0;
+  {
+    const std::scoped_lock guard(one_fork);
+    child = fork();
+  }
   if (child < 0) throw Error(header.file + ": no process could be started to decode it");
   if (child == 0) {
     const rlimit no_core{0, 0};
@@ -73,7 +61,7 @@ Decoded decode_apart(const DicomHeader& header, std::size_t bytes, const SharedB
     gdcm::Trace::ErrorOff();
     Decoded result = kNotDecoded;
     try {
-      result = decode(header, bytes, out.data());
+      result = decode(header, bytes, out);
     } catch (...) {
     }
     _exit(result);
@@ -88,13 +76,14 @@ Decoded decode_apart(const DicomHeader& header, std::size_t bytes, const SharedB
 
 // Stored bits to greys: of each cell, `bits_stored` bits up to `high_bit`.
 template <class Cell>
-void rescale(const char* bytes, bool big_endian, const DicomHeader& header,
-             std::vector<float>& greys) {
+void rescale(const char* bytes, bool big_endian, const DicomHeader& header, const DicomFrame& frame,
+             float* greys) {
   const std::size_t area = static_cast<std::size_t>(header.columns) * header.rows;
   const int shift = header.high_bit + 1 - header.bits_stored;
   const std::uint64_t one = 1, mask = (one << header.bits_stored) - 1,
-                      sign = one << (header.bits_stored - 1);
-  for (std::size_t i = 0; i < greys.size(); ++i) {
+                      sign = header.is_signed ? one << (header.bits_stored - 1) : 0;
+  const double slope = frame.slope, intercept = frame.intercept;
+  for (std::size_t i = 0; i < area; ++i) {
     Cell cell = 0;
     for (std::size_t b = 0; b < sizeof(Cell); ++b) {
       const std::size_t at = i * sizeof(Cell) + (big_endian ? sizeof(Cell) - 1 - b : b);
@@ -103,22 +92,32 @@ void rescale(const char* bytes, bool big_endian, const DicomHeader& header,
     }
     const std::uint64_t stored = (cell >> shift) & mask;
     auto value = static_cast<std::int64_t>(stored);
-    if (header.is_signed && (stored & sign) != 0) value -= static_cast<std::int64_t>(mask) + 1;
-    const DicomFrame& frame = header.frames[i / area];
-    greys[i] = static_cast<float>(frame.slope * static_cast<double>(value) + frame.intercept);
+    if ((stored & sign) != 0) value -= static_cast<std::int64_t>(mask) + 1;
+    greys[i] = static_cast<float>(slope * static_cast<double>(value) + intercept);
   }
-}
-
-void rescale(const char* bytes, bool big_endian, const DicomHeader& header,
-             std::vector<float>& greys) {
-  if (header.bits_allocated == 8) rescale<std::uint8_t>(bytes, big_endian, header, greys);
-  if (header.bits_allocated == 16) rescale<std::uint16_t>(bytes, big_endian, header, greys);
-  if (header.bits_allocated == 32) rescale<std::uint32_t>(bytes, big_endian, header, greys);
 }
 
 }  // namespace
 
-std::vector<float> pixels_of(const std::string& path, const DicomHeader& header, bool& lossy) {
+// Memory that a child process can write for its parent.
+class DicomPixels::SharedBytes {
+ public:
+  explicit SharedBytes(std::size_t size)
+      : size_(size),
+        at_(mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
+    if (at_ == MAP_FAILED) throw std::bad_alloc();
+  }
+  ~SharedBytes() { munmap(at_, size_); }
+  SharedBytes(const SharedBytes&) = delete;
+  SharedBytes& operator=(const SharedBytes&) = delete;
+  char* data() const { return static_cast<char*>(at_); }
+
+ private:
+  std::size_t size_;
+  void* at_;
+};
+
+DicomPixels::DicomPixels(const std::string& path, const DicomHeader& header) : header_(header) {
   const std::string name = fs::path(header.file).filename().string();
   const int bits = header.bits_allocated;
   if ((bits != 8 && bits != 16 && bits != 32) || header.bits_stored < 1 ||
@@ -128,30 +127,39 @@ std::vector<float> pixels_of(const std::string& path, const DicomHeader& header,
                      "holds pixels of " + std::to_string(header.bits_stored) + " in " +
                          std::to_string(bits) + " bits, which isn't read",
                      "export the series again, or as NRRD or NIfTI");
-  const DicomFile dicom = parse_dicom(header.file);  // well-formed: the header came from it
-  if (!dicom.pixels_complete)
+  file_ = parse_dicom(header.file);  // well-formed: the header came from it
+  if (!file_.pixels_complete)
     throw InputError(path, name, "its pixel data is not complete", "copy the file again");
   const std::size_t count =
       static_cast<std::size_t>(header.columns) * header.rows * header.frames.size();
   const std::size_t bytes = count * static_cast<std::size_t>(bits / 8);
   const InputError other_size(path, name, "does not hold slices of the size that it states",
                               "export the series again");
-  if (!dicom.compressed) {
-    if (dicom.pixels.size() < bytes || dicom.pixels.size() > bytes + 1) throw other_size;
-    std::vector<float> greys(count);
-    rescale(dicom.pixels.data(), dicom.big_endian, header, greys);
-    return greys;
+  if (!file_.compressed) {
+    if (file_.pixels.size() < bytes || file_.pixels.size() > bytes + 1) throw other_size;
+    return;
   }
-  const SharedBytes decoded(bytes);
-  const Decoded result = decode_apart(header, bytes, decoded);
+  decoded_ = std::make_unique<SharedBytes>(bytes);
+  const Decoded result = decode_apart(header, bytes, decoded_->data());
   if (result == kOtherSize) throw other_size;
   if (result == kNotDecoded)
     throw InputError(path, name, "its compressed pixel data cannot be decoded",
                      "copy the file again, or export the series uncompressed");
-  lossy = lossy || result == kDoneWithLoss;
-  std::vector<float> greys(count);
-  rescale(decoded.data(), false, header, greys);
-  return greys;
+  lossy_ = result == kDoneWithLoss;
+}
+
+DicomPixels::~DicomPixels() = default;
+
+void DicomPixels::read(std::size_t frame, float* greys) const {
+  const std::size_t bytes = static_cast<std::size_t>(header_.columns) * header_.rows *
+                            static_cast<std::size_t>(header_.bits_allocated / 8);
+  const char* pixels = (decoded_ ? decoded_->data() : file_.pixels.data()) + frame * bytes;
+  const bool big_endian = !decoded_ && file_.big_endian;
+  const DicomFrame& of = header_.frames[frame];
+  if (header_.bits_allocated == 8) rescale<std::uint8_t>(pixels, big_endian, header_, of, greys);
+  if (header_.bits_allocated == 16) rescale<std::uint16_t>(pixels, big_endian, header_, of, greys);
+  if (header_.bits_allocated == 32) rescale<std::uint32_t>(pixels, big_endian, header_, of, greys);
+  if (!decoded_) file_.file.release({pixels, bytes});
 }
 
 }  // namespace toothprep::image

@@ -1,15 +1,32 @@
 // The grey values of a DICOM file's frames.
 #pragma once
 
+#include <memory>
 #include <string>
-#include <vector>
 
 #include "toothprep/scan/dicom_header.h"
 
 namespace toothprep::image {
 
-// All frames of the file, one after the other, rescaled. `lossy` is set if the compression loses
-// something. Throws InputError with `path` and the file's name.
-std::vector<float> pixels_of(const std::string& path, const DicomHeader& header, bool& lossy);
+class DicomPixels {
+ public:
+  // Of a file whose header was read. Compressed pixels are decoded here, all at once; others are
+  // read when they are asked for. Throws InputError with `path` and the file's name. `header` must
+  // stay.
+  DicomPixels(const std::string& path, const DicomHeader& header);
+  ~DicomPixels();
+
+  // The frame's greys (rows * columns), rescaled. For several threads at once.
+  void read(std::size_t frame, float* greys) const;
+
+  bool lossy() const { return lossy_; }  // the compression loses something
+
+ private:
+  class SharedBytes;
+  const DicomHeader& header_;
+  DicomFile file_;
+  std::unique_ptr<SharedBytes> decoded_;
+  bool lossy_ = false;
+};
 
 }  // namespace toothprep::image

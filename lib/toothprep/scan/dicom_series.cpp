@@ -1,7 +1,10 @@
 #include "toothprep/scan/dicom_series.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -360,7 +363,7 @@ void check_bytes(const std::string& path, const Series& series) {
 
 // The slice's value at column x, row y (voxels of the slice); nothing outside it.
 std::optional<float> sample(const float* slice, int columns, int rows, double x, double y,
-                            Between how) {
+                            bool nearest) {
   constexpr double kEdge = 1e-6;
   if (!(x >= -kEdge && x <= columns - 1 + kEdge && y >= -kEdge && y <= rows - 1 + kEdge)) return {};
   x = std::clamp(x, 0.0, columns - 1.0);
@@ -368,7 +371,7 @@ std::optional<float> sample(const float* slice, int columns, int rows, double x,
   const auto at = [&](int i, int j) {
     return static_cast<double>(slice[static_cast<std::size_t>(j) * columns + i]);
   };
-  if (how == Between::kNearest)
+  if (nearest)
     return slice[static_cast<std::size_t>(std::lround(y)) * columns +
                  static_cast<std::size_t>(std::lround(x))];
   const int i = std::min(static_cast<int>(x), columns - 2);
@@ -379,7 +382,7 @@ std::optional<float> sample(const float* slice, int columns, int rows, double x,
 }
 
 std::vector<float> resampled(const Grid& grid, int columns, int rows,
-                             const std::vector<float>& slices, Between how) {
+                             const std::vector<float>& slices, bool nearest) {
   const float lowest = *std::min_element(slices.begin(), slices.end());
   const std::size_t area = static_cast<std::size_t>(columns) * rows;
   std::vector<float> values;
@@ -389,14 +392,13 @@ std::vector<float> resampled(const Grid& grid, int columns, int rows,
       for (int i = 0; i < grid.size.x(); ++i) {
         const auto in = [&](std::size_t s) {
           return sample(slices.data() + s * area, columns, rows, i - grid.shift[s][0],
-                        j - grid.shift[s][1], how);
+                        j - grid.shift[s][1], nearest);
         };
         const auto below = in(plane.below), above = in(plane.above);
         float value = lowest;
         if (below && above)
-          value = how == Between::kNearest
-                      ? (plane.share < 0.5 ? *below : *above)
-                      : static_cast<float>((1 - plane.share) * *below + plane.share * *above);
+          value = nearest ? (plane.share < 0.5 ? *below : *above)
+                          : static_cast<float>((1 - plane.share) * *below + plane.share * *above);
         else if (below && plane.share < 0.5)
           value = *below;
         else if (above && plane.share >= 0.5)
@@ -406,10 +408,59 @@ std::vector<float> resampled(const Grid& grid, int columns, int rows,
   return values;
 }
 
+// The frames of the files as slices, in order.
+class Slices : public ScanSource {
+ public:
+  Slices(const std::string& path, const ImageFrame& frame, std::vector<DicomHeader> files,
+         Series series, std::vector<std::string> notes)
+      : ScanSource(path, frame),
+        files_(std::move(files)),
+        series_(std::move(series)),
+        notes_(std::move(notes)) {}
+
+  void read(int first, int count, float* values) override {
+    const std::size_t area = static_cast<std::size_t>(series_.columns) * series_.rows;
+    // Of a multi-frame file the pixels stay at hand; slices in files of their own come and go.
+    for (int k = first; k < first + count; ++k) {
+      const DicomHeader* header = series_.slices[static_cast<std::size_t>(k)].header;
+      if (header->frames.size() > 1 && !open_.contains(header)) {
+        open_.emplace(header, std::make_unique<DicomPixels>(path(), *header));
+        if (open_[header]->lossy()) lossy_ = true;
+      }
+    }
+    tbb::parallel_for(0, count, [&](int k) {
+      const Slice& slice = series_.slices[static_cast<std::size_t>(first + k)];
+      float* greys = values + static_cast<std::size_t>(k) * area;
+      const auto several = open_.find(slice.header);
+      if (several != open_.end()) {
+        several->second->read(slice.frame, greys);
+      } else {
+        const DicomPixels pixels(path(), *slice.header);
+        pixels.read(0, greys);
+        if (pixels.lossy()) lossy_ = true;
+      }
+    });
+  }
+
+  std::vector<std::string> notes() const override {
+    std::vector<std::string> notes = notes_;
+    if (lossy_) notes.push_back("the scan was compressed with loss: greys and edges are not exact");
+    if (files_.front().photometric == "MONOCHROME1")
+      notes.push_back("the scan is meant to be shown inverted (MONOCHROME1); values are as stored");
+    return notes;
+  }
+
+ private:
+  std::vector<DicomHeader> files_;  // the slices point to them
+  Series series_;
+  std::vector<std::string> notes_;
+  std::map<const DicomHeader*, std::unique_ptr<DicomPixels>> open_;
+  std::atomic<bool> lossy_ = false;
+};
+
 }  // namespace
 
-ImageVolume<float> read_dicom(const std::string& path, const ScanReadOptions& options, Between how,
-                              std::vector<std::string>& notes) {
+std::unique_ptr<ScanSource> open_dicom(const std::string& path, const ScanReadOptions& options) {
   if (options.component && *options.component != 1)
     throw InputError(path, "voxel data",
                      "has one grey value per voxel, so there is no component " +
@@ -426,31 +477,30 @@ ImageVolume<float> read_dicom(const std::string& path, const ScanReadOptions& op
       throw InputError(path, "", "is one DICOM slice", "give the folder that holds the series");
     files.push_back(std::move(*header));
   }
-  const Series series = ordered(path, files);
+  Series series = ordered(path, files);
+  std::vector<std::string> notes;
   const Grid grid = grid_of(path, series, options.allow_irregular, notes);
   check_bytes(path, series);
 
-  const std::size_t area = static_cast<std::size_t>(series.columns) * series.rows;
-  std::vector<float> slices(area * series.slices.size());
-  bool lossy = false;
-  for (const auto& header : files) {
-    const std::vector<float> greys = pixels_of(path, header, lossy);
-    for (std::size_t k = 0; k < series.slices.size(); ++k)
-      if (series.slices[k].header == &header)
-        std::copy_n(greys.begin() + static_cast<std::ptrdiff_t>(series.slices[k].frame * area),
-                    area, slices.begin() + static_cast<std::ptrdiff_t>(k * area));
-  }
-  if (lossy) notes.push_back("the scan was compressed with loss: greys and edges are not exact");
-  if (files.front().photometric == "MONOCHROME1")
-    notes.push_back("the scan is meant to be shown inverted (MONOCHROME1); values are as stored");
+  ImageFrame frame;
+  frame.size = Index3(series.columns, series.rows, static_cast<int>(series.slices.size()));
+  frame.origin = grid.origin;
+  frame.direction = series.direction;
+  frame.spacing = Vec3(series.spacing.x(), series.spacing.y(), grid.step);
+  const Index3 stored = frame.size;
+  if (!grid.regular()) frame.size = grid.size;
+  place_volume(path, frame, options.spacing_mm);
+  const int columns = series.columns, rows = series.rows;
+  ImageFrame as_stored = frame;
+  as_stored.size = stored;
+  auto slices = std::make_unique<Slices>(path, as_stored, std::move(files), std::move(series),
+                                         std::move(notes));
+  if (grid.regular()) return slices;
+  const ImageVolume<float> all = read_all(*slices);
   ImageVolume<float> volume;
-  volume.size = grid.size;
-  volume.origin = grid.origin;
-  volume.direction = series.direction;
-  volume.spacing = Vec3(series.spacing.x(), series.spacing.y(), grid.step);
-  volume.data = grid.regular() ? std::move(slices)
-                               : resampled(grid, series.columns, series.rows, slices, how);
-  return volume;
+  static_cast<ImageFrame&>(volume) = frame;
+  volume.data = resampled(grid, columns, rows, all.data, options.labels);
+  return owning_source(std::move(volume), path, slices->notes());
 }
 
 std::vector<std::string> files_of_series(const std::string& folder, const std::string& wanted) {

@@ -19,13 +19,8 @@ double voxel_count(const Index3& size);
 
 // Each of these throws InputError with `path` if it finds something.
 void check_size(const std::string& path, const std::array<double, 3>& size);
-void check_values(const std::string& path, const std::vector<float>& values);
 // Puts in the spacing given, if any, and checks spacing and orientation.
-void place_volume(const std::string& path, ImageVolume<float>& volume,
+void place_volume(const std::string& path, ImageFrame& frame,
                   const std::optional<std::array<double, 3>>& spacing_mm);
-
-// Whether the zlib or gzip stream that starts at `offset` holds `promised` bytes. Readers take what
-// they get of one that ends too early; this reads it to its end.
-bool inflates_to(const std::string& file, double offset, double promised);
 
 }  // namespace toothprep::image

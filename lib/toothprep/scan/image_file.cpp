@@ -1,6 +1,5 @@
 #include "toothprep/scan/image_file.h"
 
-#include <cmath>
 #include <filesystem>
 #include <fstream>
 
@@ -13,76 +12,64 @@
 
 namespace toothprep {
 namespace fs = std::filesystem;
-namespace {
 
-ImageVolume<float> read(const std::string& path, const ScanReadOptions& options,
-                        image::Between between, std::vector<std::string>* notes) {
+std::unique_ptr<ScanSource> open_scan(const std::string& path, const ScanReadOptions& options) {
   std::error_code error;
   const auto status = fs::status(path, error);
   if (!fs::exists(status)) throw InputError(path, "", "does not exist");
-  ImageVolume<float> volume;
-  std::vector<std::string> told;
-  if (fs::is_directory(status)) {
-    volume = image::read_dicom(path, options, between, told);
-  } else {
-    if (!std::ifstream(path, std::ios::binary)) throw InputError(path, "", "cannot be read");
-    if (!options.series.empty())
-      throw InputError(path, "series", "can only be chosen in a folder of DICOM files");
-    if (image::is_volume_file(path)) {
-      if (fs::file_size(path, error) == 0) throw InputError(path, "", "is empty");
-      volume = image::read_volume_file(path, options.component);
-    } else if (image::is_dicom_file(path)) {
-      volume = image::read_dicom(path, options, between, told);
-    } else {
-      throw InputError(path, "", "is not a scan format that is known",
-                       "give a folder with a DICOM series, or .nrrd, .nii, .nii.gz, .mha, .mhd");
-    }
+  if (fs::is_directory(status)) return image::open_dicom(path, options);
+  if (!fs::is_regular_file(status)) throw InputError(path, "", "is not a regular file");
+  if (!std::ifstream(path, std::ios::binary)) throw InputError(path, "", "cannot be read");
+  if (!options.series.empty())
+    throw InputError(path, "series", "can only be chosen in a folder of DICOM files");
+  if (image::is_volume_file(path)) {
+    if (fs::file_size(path, error) == 0) throw InputError(path, "", "is empty");
+    return image::open_volume_file(path, options.component, options.spacing_mm);
   }
-  image::place_volume(path, volume, options.spacing_mm);
-  image::check_values(path, volume.data);
+  if (image::is_dicom_file(path)) return image::open_dicom(path, options);
+  throw InputError(path, "", "is not a scan format that is known",
+                   "give a folder with a DICOM series, or .nrrd, .nii, .nii.gz, .mha, .mhd");
+}
+
+namespace {
+
+// Calls read(source), then takes the notes.
+auto whole(const std::string& path, const ScanReadOptions& options, std::vector<std::string>* notes,
+           auto read) {
+  const auto source = open_scan(path, options);
+  auto volume = read(*source);
+  const auto told = source->notes();
   if (notes) notes->insert(notes->end(), told.begin(), told.end());
   return volume;
+}
+
+ScanReadOptions spaced(const std::optional<std::array<double, 3>>& spacing_mm) {
+  ScanReadOptions options;
+  options.spacing_mm = spacing_mm;
+  return options;
 }
 
 }  // namespace
 
 ImageVolume<float> read_scan(const std::string& path, const ScanReadOptions& options,
                              std::vector<std::string>* notes) {
-  return read(path, options, image::Between::kLinear, notes);
+  return whole(path, options, notes, [](ScanSource& source) { return read_all(source); });
 }
 
 ImageVolume<float> read_scan(const std::string& path,
                              const std::optional<std::array<double, 3>>& spacing_mm) {
-  ScanReadOptions options;
-  options.spacing_mm = spacing_mm;
-  return read_scan(path, options);
+  return read_scan(path, spaced(spacing_mm));
 }
 
-ImageVolume<std::uint16_t> read_label_image(const std::string& path, const ScanReadOptions& options,
+ImageVolume<std::uint16_t> read_label_image(const std::string& path, ScanReadOptions options,
                                             std::vector<std::string>* notes) {
-  const ImageVolume<float> greys = read(path, options, image::Between::kNearest, notes);
-  ImageVolume<std::uint16_t> labels;
-  labels.size = greys.size;
-  labels.spacing = greys.spacing;
-  labels.origin = greys.origin;
-  labels.direction = greys.direction;
-  labels.data.resize(greys.data.size());
-  for (std::size_t i = 0; i < greys.data.size(); ++i) {
-    const float v = greys.data[i];
-    if (!(v >= 0 && v <= 65535 && v == std::floor(v)))
-      throw InputError(path, "voxel data",
-                       "holds the value " + image::number(v) + ", which is no label",
-                       "labels are integers in 0..65535; a grey scan goes without --labels");
-    labels.data[i] = static_cast<std::uint16_t>(v);
-  }
-  return labels;
+  options.labels = true;
+  return whole(path, options, notes, [](ScanSource& source) { return read_labels(source); });
 }
 
 ImageVolume<std::uint16_t> read_label_image(
     const std::string& path, const std::optional<std::array<double, 3>>& spacing_mm) {
-  ScanReadOptions options;
-  options.spacing_mm = spacing_mm;
-  return read_label_image(path, options);
+  return read_label_image(path, spaced(spacing_mm));
 }
 
 std::string sha256_of_scan(const std::string& path, const std::string& series) {

@@ -7,11 +7,13 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "toothprep/core/image_volume.h"
+#include "toothprep/scan/scan_source.h"
 
 namespace toothprep {
 
@@ -31,6 +33,8 @@ struct ScanReadOptions {
   // degrees, slices shifted sideways by unequal amounts.
   bool allow_irregular = false;
 
+  bool labels = false;  // the values are labels, which nothing may mix
+
   // Which component of a vector image or which volume of a 4-D file (not DICOM); 1 is the first.
   std::optional<int> component;
 };
@@ -38,20 +42,23 @@ struct ScanReadOptions {
 // Grey values as float (rescale slope and intercept applied), spacing in mm, direction and origin
 // in LPS. `path` is a file (.nrrd, .nhdr, .nii, .nii.gz, .mha, .mhd, or a DICOM file with several
 // frames) or a folder with a DICOM series, whose slices (or frames) are ordered by their position.
-// What was changed or assumed on the way is told in `notes`, a sentence each.
+// Headers are read and checked here, values slab by slab when they are asked for.
 //
 // Throws InputError for what can't be a scan: unreadable, truncated, empty, not 3-D, several
-// components, NaN or infinity, a spacing that is absurd (not in 0.001 .. 5 mm), a dimension of one
-// voxel, more than 2^31 voxels; in a folder: several series, slices missing, doubled or askew.
-// Sizes are checked against the bytes that are there before memory is taken, so an error never
-// depends on how much memory the machine has.
+// components, a spacing that is absurd (not in 0.001 .. 5 mm), a dimension of one voxel, more than
+// 2^31 voxels; in a folder: several series, slices missing, doubled or askew. Damaged voxel data,
+// NaN and infinity are told on reading. Sizes are checked against the bytes that are there before
+// memory is taken, so an error never depends on how much memory the machine has.
+std::unique_ptr<ScanSource> open_scan(const std::string& path, const ScanReadOptions& options = {});
+
+// The whole of it. What was changed or assumed on the way is told in `notes`, a sentence each.
 ImageVolume<float> read_scan(const std::string& path, const ScanReadOptions& options,
                              std::vector<std::string>* notes = nullptr);
 ImageVolume<float> read_scan(const std::string& path,
                              const std::optional<std::array<double, 3>>& spacing_mm = {});
 
 // A label image; throws InputError as read_scan does, or if a value is not an integer in 0..65535.
-ImageVolume<std::uint16_t> read_label_image(const std::string& path, const ScanReadOptions& options,
+ImageVolume<std::uint16_t> read_label_image(const std::string& path, ScanReadOptions options,
                                             std::vector<std::string>* notes = nullptr);
 ImageVolume<std::uint16_t> read_label_image(
     const std::string& path, const std::optional<std::array<double, 3>>& spacing_mm = {});

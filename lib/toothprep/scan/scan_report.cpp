@@ -33,7 +33,7 @@ VoxelBox voxels_of(const LayeredTooth& tooth) {
 
 // Linear between voxel centres; NaN outside.
 float grey_at(const ImageVolume<float>& scan, const Vec3& world) {
-  const Vec3 at = (scan.direction.transpose() * (world - scan.origin)).cwiseQuotient(scan.spacing);
+  const Vec3 at = scan.to_index() * (world - scan.origin);
   const Vec3 low = at.array().floor();
   for (int a = 0; a < 3; ++a)
     if (!(low[a] >= 0 && low[a] + 1 < scan.size[a])) return std::nanf("");
@@ -170,8 +170,9 @@ EnamelThickness enamel_thickness(const LayeredTooth& tooth) {
   return result;
 }
 
-void write_scan_report(const std::string& folder, const ImageVolume<float>* scan,
-                       const LayeredTooth& tooth, const VoxelizeReport& report) {
+void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
+                       const VoxelizeReport& report) {
+  const ImageVolume<float>* scan = report.greys.data.empty() ? nullptr : &report.greys;
   nlohmann::ordered_json j;
   j["schema"] = "toothprep-scan-report";
   j["schema_version"] = 1;

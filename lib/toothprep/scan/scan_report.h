@@ -22,9 +22,10 @@ EnamelThickness enamel_thickness(const LayeredTooth& tooth);
 // Writes into the existing folder: report.json (schema toothprep-scan-report: volumes, thresholds,
 // greys, thickness, notes), histogram.csv (grey,count: of the scan within the tooth's box and 2 mm
 // around it), and slice-x.csv, slice-y.csv, slice-z.csv (u_mm,v_mm,grey,tissue: the planes through
-// the middle of the solid's box, across that axis). `scan` may be null: a segmentation has no
-// greys. scripts/plot-scan-report draws them. Throws Error if a file can't be written.
-void write_scan_report(const std::string& folder, const ImageVolume<float>* scan,
-                       const LayeredTooth& tooth, const VoxelizeReport& report);
+// the middle of the solid's box, across that axis). Greys are those kept in the report, averaged
+// where the scan is finer than the tooth; a segmentation has none. scripts/plot-scan-report draws
+// them. Throws Error if a file can't be written.
+void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
+                       const VoxelizeReport& report);
 
 }  // namespace toothprep

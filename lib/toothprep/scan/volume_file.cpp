@@ -1,15 +1,20 @@
 #include "toothprep/scan/volume_file.h"
 
 // All of Eigen stands before ITK, which brings an older copy of it with the same include guards.
-#include <itkImageFileReader.h>
+#include <itkImageIOBase.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 
 #include "toothprep/core/errors.h"
+#include "toothprep/scan/byte_stream.h"
 #include "toothprep/scan/image_checks.h"
 #include "toothprep/scan/itk_io.h"
 
@@ -17,24 +22,93 @@ namespace toothprep::image {
 namespace fs = std::filesystem;
 namespace {
 
-// ---- What a header promises, against the bytes that are there.
+// ---- Where the voxels are
 
 struct DataPlace {
-  std::string file;   // where the voxels are; empty if that isn't one whole file
-  double offset = 0;  // bytes before them
+  std::string file;          // where the voxels are; empty if that isn't one whole file
+  std::uint64_t starts = 0;  // bytes before what is read, be it deflated or not
+  std::uint64_t offset = 0;  // bytes of it, inflated, before the voxels
   bool compressed = false;
   bool deflated = false;  // by zlib or gzip
+  bool big_endian = false;
+  std::optional<itk::IOComponentEnum> type = {};  // if ITK turns the values into another one
+  double slope = 1, intercept = 0;
+  bool plain = true;  // nothing else has to be known to read the voxels one after the other
 };
 
-// ITK's readers allocate what the header says and some only warn when data is short, so the few
-// header fields that tell where the data lies are read here as well.
-DataPlace data_place(const std::string& path, Format format) {
-  DataPlace place{path};
-  if (format == Format::kNifti) {
-    place.compressed = place.deflated = lower(path).ends_with(".gz");
-    if (!place.compressed) place.offset = 348;
-    return place;
+std::optional<itk::IOComponentEnum> nifti_type(int code) {
+  using itk::IOComponentEnum;
+  switch (code) {
+    case 2:
+      return IOComponentEnum::UCHAR;
+    case 4:
+      return IOComponentEnum::SHORT;
+    case 8:
+      return IOComponentEnum::INT;
+    case 16:
+      return IOComponentEnum::FLOAT;
+    case 64:
+      return IOComponentEnum::DOUBLE;
+    case 256:
+      return IOComponentEnum::CHAR;
+    case 512:
+      return IOComponentEnum::USHORT;
+    case 768:
+      return IOComponentEnum::UINT;
+    case 1024:
+      return IOComponentEnum::LONGLONG;
+    case 1280:
+      return IOComponentEnum::ULONGLONG;
+    default:
+      return {};
   }
+}
+
+// NIfTI-1, one file: https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h
+DataPlace nifti_place(const std::string& path) {
+  DataPlace place;
+  place.file = path;
+  place.compressed = place.deflated = lower(path).ends_with(".gz");
+  std::array<char, 348> header{};
+  try {
+    if (!ByteStream(path, 0, place.deflated).read(0, header.size(), header.data())) {
+      place.plain = false;
+      return place;
+    }
+  } catch (const std::runtime_error& e) {
+    throw InputError(path, "", e.what());
+  }
+  std::int32_t size = 0;
+  std::memcpy(&size, header.data(), 4);
+  const bool swapped = size != 348;
+  place.big_endian = swapped != (std::endian::native == std::endian::big);
+  const auto number_at = [&]<class T>(std::size_t at, T) {
+    std::array<char, sizeof(T)> bytes{};
+    std::memcpy(bytes.data(), header.data() + at, sizeof(T));
+    if (swapped) std::reverse(bytes.begin(), bytes.end());
+    return std::bit_cast<T>(bytes);
+  };
+  const float offset = number_at(108, 0.0f), slope = number_at(112, 0.0f),
+              intercept = number_at(116, 0.0f);
+  place.plain = std::string_view(header.data() + 344, 3) == "n+1" && offset >= 348 &&
+                offset < 1e9f && offset == std::floor(offset);
+  place.offset = place.plain ? static_cast<std::uint64_t>(offset) : 348;
+  if (std::isfinite(slope) && slope != 0 && std::isfinite(intercept)) {
+    place.slope = slope;
+    place.intercept = intercept;
+  }
+  place.type = nifti_type(number_at(70, std::int16_t{0}));
+  place.plain = place.plain && place.type;
+  return place;
+}
+
+// The few header fields that tell where and how the voxels lie; ITK reads them all, but only to
+// read all voxels, and some of its readers allocate what the header says and only warn when data is
+// short.
+DataPlace data_place(const std::string& path, Format format) {
+  if (format == Format::kNifti) return nifti_place(path);
+  DataPlace place;
+  place.file = path;
   std::ifstream in(path, std::ios::binary);
   std::string line;
   bool detached = false;
@@ -44,17 +118,25 @@ DataPlace data_place(const std::string& path, Format format) {
     const auto colon = text.find(format == Format::kNrrd ? ':' : '=');
     if (colon == std::string::npos || text[0] == '#') continue;
     const std::string key = lower(trimmed(text.substr(0, colon)));
-    const std::string value = trimmed(text.substr(colon + 1));
+    const std::string value = trimmed(text.substr(colon + 1)), low = lower(value);
     if (format == Format::kNrrd) {
       if (key == "encoding") {
-        place.compressed = lower(value) != "raw";
-        place.deflated = lower(value) == "gzip" || lower(value) == "gz";
+        place.compressed = low != "raw";
+        place.deflated = low == "gzip" || low == "gz";
+        place.plain = place.plain && (low == "raw" || place.deflated);
       }
+      if (key == "endian") place.big_endian = low == "big";
+      if (key == "line skip" || key == "lineskip" || key == "byte skip" || key == "byteskip")
+        place.plain = place.plain && low == "0";
       if (key == "data file" || key == "datafile") detached = true, place.file = value;
     } else {
-      if (key == "compresseddata") place.compressed = place.deflated = lower(value) == "true";
+      if (key == "compresseddata") place.compressed = place.deflated = low == "true";
+      if (key == "binarydata") place.plain = place.plain && low == "true";
+      if (key == "headersize") place.plain = place.plain && low == "0";
+      if (key == "elementbyteordermsb" || key == "binarydatabyteordermsb")
+        place.big_endian = low == "true";
       if (key == "elementdatafile") {
-        if (lower(value) != "local") detached = true, place.file = value;
+        if (low != "local") detached = true, place.file = value;
         break;
       }
     }
@@ -64,52 +146,40 @@ DataPlace data_place(const std::string& path, Format format) {
     if (place.file.find_first_of(" %") != std::string::npos || lower(place.file) == "list")
       return {};
     place.file = (fs::path(path).parent_path() / place.file).string();
+  } else if (in.good()) {
+    place.starts = static_cast<std::uint64_t>(in.tellg());
   } else {
-    place.offset = static_cast<double>(in.tellg());
+    place.plain = false;  // the header never ends
   }
   return place;
 }
 
-void check_data_file(const std::string& path, Format format) {
-  const DataPlace place = data_place(path, format);
-  if (!place.file.empty() && !fs::exists(place.file))
+void check_data_file(const std::string& path, const DataPlace& place) {
+  if (place.file.empty()) return;
+  std::error_code error;
+  if (!fs::exists(place.file, error))
     throw InputError(path, "data file", "'" + place.file + "' does not exist");
+  if (!fs::is_regular_file(place.file, error))
+    throw InputError(path, "data file", "'" + place.file + "' is not a regular file");
 }
 
-void check_bytes(const std::string& path, Format format, const itk::ImageIOBase& io,
-                 double voxels) {
-  const DataPlace place = data_place(path, format);
+InputError too_few(const std::string& path, double promised, const std::string& there) {
+  return InputError(path, "voxel data",
+                    "the header promises " + number(promised) + " bytes, the file holds " + there,
+                    "the file is truncated or its header is wrong");
+}
+
+// Memory is only taken for what the file can hold.
+void check_bytes(const std::string& path, const DataPlace& place, double promised) {
   if (place.file.empty()) return;
   std::error_code error;
   const auto size = fs::file_size(place.file, error);
   if (error)
     throw InputError(path, "data file", "'" + place.file + "' can't be read: " + error.message());
-  const double there = std::max(0.0, static_cast<double>(size) - place.offset);
-  const double promised = voxels * static_cast<double>(io.GetComponentSize());
-  const bool possible =
-      place.compressed ? promised <= there * kMaxDeflateRatio + 1024 : promised <= there;
-  if (!possible || (place.deflated && !inflates_to(place.file, place.offset, promised)))
-    throw InputError(path, "voxel data",
-                     "the header promises " + number(promised) + " bytes, the file holds " +
-                         (possible ? "fewer" : number(there)) +
-                         (place.compressed ? " (compressed)" : ""),
-                     "the file is truncated or its header is wrong");
-}
-
-using FloatImage = itk::Image<float, 3>;
-
-ImageVolume<float> volume_of(const FloatImage& image) {
-  ImageVolume<float> volume;
-  const auto size = image.GetLargestPossibleRegion().GetSize();
-  for (int a = 0; a < 3; ++a) {
-    volume.size[a] = static_cast<int>(size[a]);
-    volume.spacing[a] = image.GetSpacing()[a];
-    volume.origin[a] = image.GetOrigin()[a];
-    for (int b = 0; b < 3; ++b) volume.direction(a, b) = image.GetDirection()(a, b);
-  }
-  const float* values = image.GetBufferPointer();
-  volume.data.assign(values, values + size[0] * size[1] * size[2]);
-  return volume;
+  const auto before = place.starts + (place.deflated ? 0 : place.offset);
+  const double there = std::max(0.0, static_cast<double>(size) - static_cast<double>(before));
+  if (promised > (place.compressed ? there * kMaxDeflateRatio + 1024 : there))
+    throw too_few(path, promised, number(there) + (place.compressed ? " (compressed)" : ""));
 }
 
 // NRRD says its unit in `space units`, which ITK does not apply.
@@ -131,14 +201,6 @@ double nrrd_unit_mm(const std::string& path) {
                      "use mm, um, cm or m");
   }
   return 1;
-}
-
-ImageVolume<float> read_scalar(const std::string& path, const itk::ImageIOBase::Pointer& io) {
-  const auto reader = itk::ImageFileReader<FloatImage>::New();
-  reader->SetImageIO(io);
-  reader->SetFileName(path);
-  reader->Update();
-  return volume_of(*reader->GetOutput());
 }
 
 // A file may hold several grey values at a place: components of a vector, or volumes of a 4-D
@@ -192,17 +254,140 @@ int chosen_part(const std::string& path, const Parts& parts, std::optional<int> 
   return 0;
 }
 
+// ---- Values
+
+// Of voxels whose values follow each other as components, all of one kind.
 template <class T>
-void take(const std::vector<char>& bytes, std::size_t first, std::size_t step,
-          std::vector<float>& values) {
-  for (std::size_t i = 0; i < values.size(); ++i) {
+void take(const char* bytes, std::size_t step, bool swapped, std::size_t count, float* values) {
+  for (std::size_t i = 0; i < count; ++i) {
     T value;
-    std::memcpy(&value, bytes.data() + (first + i * step) * sizeof(T), sizeof(T));
+    const char* from = bytes + i * step * sizeof(T);
+    if (swapped) {
+      std::array<char, sizeof(T)> turned;
+      std::reverse_copy(from, from + sizeof(T), turned.begin());
+      value = std::bit_cast<T>(turned);
+    } else {
+      std::memcpy(&value, from, sizeof(T));
+    }
     values[i] = static_cast<float>(value);
   }
 }
 
-ImageVolume<float> read_part(itk::ImageIOBase& io, const Parts& parts, int part) {
+using Take = void (*)(const char*, std::size_t, bool, std::size_t, float*);
+
+Take take_of(itk::IOComponentEnum type) {
+  using itk::IOComponentEnum;
+  switch (type) {
+    case IOComponentEnum::UCHAR:
+      return take<unsigned char>;
+    case IOComponentEnum::CHAR:
+      return take<signed char>;
+    case IOComponentEnum::USHORT:
+      return take<unsigned short>;
+    case IOComponentEnum::SHORT:
+      return take<short>;
+    case IOComponentEnum::UINT:
+      return take<unsigned int>;
+    case IOComponentEnum::INT:
+      return take<int>;
+    case IOComponentEnum::ULONG:
+      return take<unsigned long>;
+    case IOComponentEnum::LONG:
+      return take<long>;
+    case IOComponentEnum::ULONGLONG:
+      return take<unsigned long long>;
+    case IOComponentEnum::LONGLONG:
+      return take<long long>;
+    case IOComponentEnum::FLOAT:
+      return take<float>;
+    case IOComponentEnum::DOUBLE:
+      return take<double>;
+    default:
+      throw std::runtime_error("the voxels' type is not known");
+  }
+}
+
+// In the file; ITK's LONG is the compiler's.
+std::size_t bytes_of(itk::IOComponentEnum type) {
+  using itk::IOComponentEnum;
+  switch (type) {
+    case IOComponentEnum::UCHAR:
+    case IOComponentEnum::CHAR:
+      return 1;
+    case IOComponentEnum::USHORT:
+    case IOComponentEnum::SHORT:
+      return 2;
+    case IOComponentEnum::UINT:
+    case IOComponentEnum::INT:
+    case IOComponentEnum::FLOAT:
+      return 4;
+    default:
+      return 8;
+  }
+}
+
+// How the values of one component follow each other.
+struct Layout {
+  Take take = nullptr;
+  std::size_t value_bytes = 0;
+  std::size_t first = 0, step = 1;  // values
+  std::size_t all = 0;              // values of all components and volumes
+};
+
+// What is asked of the file, when it is asked.
+class InFile : public ScanSource {
+ public:
+  InFile(const std::string& path, const ImageFrame& frame, const DataPlace& place,
+         const Layout& layout)
+      : ScanSource(path, frame),
+        place_(place),
+        layout_(layout),
+        stream_(place.file, place.starts, place.deflated) {}
+
+  void read(int first, int count, float* values) override {
+    const Index3 size = frame().size;
+    const std::size_t area = static_cast<std::size_t>(size.x()) * size.y();
+    // The last voxel of a slice need not be followed by its other components.
+    const std::size_t bytes = ((area - 1) * layout_.step + 1) * layout_.value_bytes;
+    const auto slice = [&](int k, std::vector<char>& buffer) {
+      const auto at = static_cast<std::size_t>(first + k) * area * layout_.step + layout_.first;
+      buffer.resize(bytes);
+      if (!stream_.read(place_.offset + at * layout_.value_bytes, bytes, buffer.data()))
+        throw too_few(path(), static_cast<double>(layout_.all * layout_.value_bytes),
+                      std::string("fewer") + (place_.deflated ? " (compressed)" : ""));
+    };
+    const auto convert = [&](int k, const std::vector<char>& buffer) {
+      float* to = values + static_cast<std::size_t>(k) * area;
+      const bool swapped = place_.big_endian != (std::endian::native == std::endian::big);
+      layout_.take(buffer.data(), layout_.step, swapped, area, to);
+      if (place_.slope == 1 && place_.intercept == 0) return;
+      for (std::size_t v = 0; v < area; ++v)
+        to[v] = static_cast<float>(static_cast<double>(to[v]) * place_.slope + place_.intercept);
+    };
+    if (place_.deflated) {
+      std::vector<std::vector<char>> buffers(static_cast<std::size_t>(count));
+      for (int k = 0; k < count; ++k) slice(k, buffers[static_cast<std::size_t>(k)]);
+      tbb::parallel_for(0, count, [&](int k) { convert(k, buffers[static_cast<std::size_t>(k)]); });
+      if (first + count == size.z() && !stream_.sound())
+        throw InputError(path(), "voxel data", "its compressed data is damaged",
+                         "copy the file again");
+    } else {
+      tbb::parallel_for(0, count, [&](int k) {
+        std::vector<char> buffer;
+        slice(k, buffer);
+        convert(k, buffer);
+      });
+    }
+  }
+
+ private:
+  DataPlace place_;
+  Layout layout_;
+  ByteStream stream_;
+};
+
+// By ITK, as a whole.
+ImageVolume<float> read_whole(itk::ImageIOBase& io, const ImageFrame& frame, const Layout& layout) {
   const unsigned dimensions = io.GetNumberOfDimensions();
   itk::ImageIORegion whole(dimensions);
   for (unsigned a = 0; a < dimensions; ++a) {
@@ -212,62 +397,57 @@ ImageVolume<float> read_part(itk::ImageIOBase& io, const Parts& parts, int part)
   io.SetIORegion(whole);
   std::vector<char> bytes(static_cast<std::size_t>(io.GetImageSizeInBytes()));
   io.Read(bytes.data());
-
   ImageVolume<float> volume;
-  for (unsigned a = 0; a < 3; ++a) {
-    volume.size[a] = static_cast<int>(parts.size[a]);
-    volume.spacing[a] = io.GetSpacing(a);
-    volume.origin[a] = io.GetOrigin(a);
-    const std::vector<double> axis = io.GetDirection(a);
-    for (unsigned b = 0; b < 3; ++b) volume.direction(b, a) = axis[b];
-  }
-  const auto voxels = static_cast<std::size_t>(voxel_count(volume.size));
-  volume.data.resize(voxels);
-  const auto at = static_cast<std::size_t>(part);
-  const std::size_t first = parts.components > 1 ? at : at * voxels;
-  const auto step = static_cast<std::size_t>(parts.components);
-  using itk::IOComponentEnum;
-  switch (io.GetComponentType()) {
-    case IOComponentEnum::UCHAR:
-      take<unsigned char>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::CHAR:
-      take<signed char>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::USHORT:
-      take<unsigned short>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::SHORT:
-      take<short>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::UINT:
-      take<unsigned int>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::INT:
-      take<int>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::ULONG:
-      take<unsigned long>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::LONG:
-      take<long>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::ULONGLONG:
-      take<unsigned long long>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::LONGLONG:
-      take<long long>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::FLOAT:
-      take<float>(bytes, first, step, volume.data);
-      break;
-    case IOComponentEnum::DOUBLE:
-      take<double>(bytes, first, step, volume.data);
-      break;
-    default:
-      throw std::runtime_error("the voxels' type is not known");
-  }
+  static_cast<ImageFrame&>(volume) = frame;
+  volume.data.resize(frame.voxels());
+  layout.take(bytes.data() + layout.first * layout.value_bytes, layout.step, false,
+              volume.data.size(), volume.data.data());
   return volume;
+}
+
+std::unique_ptr<ScanSource> opened(const std::string& path, Format format,
+                                   std::optional<int> component,
+                                   const std::optional<std::array<double, 3>>& spacing_mm) {
+  const DataPlace place = data_place(path, format);
+  check_data_file(path, place);
+  const itk::ImageIOBase::Pointer io = io_of(format);
+  const Silence silence;
+  io->SetFileName(path);
+  io->ReadImageInformation();
+  const Parts parts = parts_of(path, *io);
+  const auto part = static_cast<std::size_t>(chosen_part(path, parts, component));
+  check_size(path, parts.size);
+  ImageFrame frame;
+  for (unsigned a = 0; a < 3; ++a) {
+    frame.size[a] = static_cast<int>(parts.size[a]);
+    frame.spacing[a] = io->GetSpacing(a);
+    frame.origin[a] = io->GetOrigin(a);
+    const std::vector<double> axis = io->GetDirection(a);
+    for (unsigned b = 0; b < 3; ++b) frame.direction(b, a) = axis[b];
+  }
+  if (format == Format::kNrrd) {
+    const double unit = nrrd_unit_mm(path);
+    frame.spacing *= unit;
+    frame.origin *= unit;
+  }
+  const auto value_type = place.plain && place.type ? *place.type : io->GetComponentType();
+  Layout layout;
+  layout.take = take_of(value_type);
+  layout.value_bytes = bytes_of(value_type);
+  layout.step = static_cast<std::size_t>(parts.components);
+  layout.first = parts.components > 1 ? part : part * frame.voxels();
+  layout.all = frame.voxels() * static_cast<std::size_t>(parts.components * parts.volumes);
+  const std::size_t promised = layout.all * layout.value_bytes;
+  check_bytes(path, place, static_cast<double>(promised));
+  place_volume(path, frame, spacing_mm);
+  if (place.plain && !place.file.empty())
+    return std::make_unique<InFile>(path, frame, place, layout);
+  // Readers take what they get of a stream that ends too early.
+  char last = 0;
+  if (place.deflated && !place.file.empty() &&
+      !ByteStream(place.file, place.starts, true).read(place.offset + promised - 1, 1, &last))
+    throw too_few(path, static_cast<double>(promised), "fewer (compressed)");
+  return owning_source(read_whole(*io, frame, layout), path);
 }
 
 }  // namespace
@@ -279,37 +459,23 @@ std::string detached_data_of(const std::string& path) {
   return file == path ? std::string() : file;
 }
 
-ImageVolume<float> read_volume_file(const std::string& path, std::optional<int> component) {
+std::unique_ptr<ScanSource> open_volume_file(
+    const std::string& path, std::optional<int> component,
+    const std::optional<std::array<double, 3>>& spacing_mm) {
   const Format format = format_of(path).value();
-  check_data_file(path, format);
-  const itk::ImageIOBase::Pointer io = io_of(format);
+  const auto failed = [&](const std::string& why) {
+    return InputError(path, "", std::string("cannot be read as ") + name_of(format) + ": " + why);
+  };
   try {
-    const Silence silence;
-    io->SetFileName(path);
-    io->ReadImageInformation();
-    const Parts parts = parts_of(path, *io);
-    const int part = chosen_part(path, parts, component);
-    check_size(path, parts.size);
-    check_bytes(path, format, *io,
-                parts.size[0] * parts.size[1] * parts.size[2] * parts.components * parts.volumes);
-    ImageVolume<float> volume =
-        parts.components * parts.volumes == 1 ? read_scalar(path, io) : read_part(*io, parts, part);
-    if (format == Format::kNrrd) {
-      const double unit = nrrd_unit_mm(path);
-      volume.spacing *= unit;
-      volume.origin *= unit;
-    }
-    return volume;
+    return opened(path, format, component, spacing_mm);
   } catch (const itk::ExceptionObject& e) {
-    throw InputError(path, "",
-                     std::string("cannot be read as ") + name_of(format) + ": " + description(e));
+    throw failed(description(e));
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const Error&) {
     throw;
   } catch (const std::exception& e) {
-    throw InputError(path, "",
-                     std::string("cannot be read as ") + name_of(format) + ": " + e.what());
+    throw failed(e.what());
   }
 }
 

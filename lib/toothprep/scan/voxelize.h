@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "toothprep/core/image_volume.h"
+#include "toothprep/scan/scan_source.h"
 #include "toothprep/tooth/layered_tooth.h"
 
 namespace toothprep {
@@ -22,6 +23,13 @@ struct VoxelizeOptions {
   double voxel = 0.1;  // mm, of the tooth
   // Grey values of the borders surroundings|dentin and dentin|enamel; automatic when absent.
   std::optional<std::array<double, 2>> thresholds;
+  // Borders pulp|dentin and dentin|enamel that are typical of this kind of scan: they only tell the
+  // classes apart, the thresholds are then measured. Not with `thresholds`.
+  std::optional<std::array<double, 2>> typical;
+  // Which one of several teeth: the n-th largest piece, or the one at a place (mm, W).
+  int tooth = 1;
+  std::optional<Vec3> tooth_at;
+  bool keep_greys = false;  // for the report's pictures
   // Told what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
 };
@@ -31,13 +39,18 @@ struct VoxelizeReport {
   double threshold_dentin = 0, threshold_enamel = 0;          // grey values; of a grey scan only
   double surroundings = 0, dentin = 0, enamel = 0, pulp = 0;  // typical grey values; pulp 0 if none
   std::vector<std::string> notes;                             // what a user ought to look at
+  ImageVolume<float> greys;  // of the scan, no finer than the tooth; if they were to be kept
 };
 
-// Grey scan to tooth: the largest bright component, of dentin and enamel, and the dark cavity
-// inside as pulp. Throws Error when no tooth can be told from its surroundings (flat image, one
-// class, nothing but noise) or when it looks like a segmentation, naming what was found, or when
-// the tooth would take more than 2^29 voxels. Provenance gets threshold_dentin and
-// threshold_enamel.
+// Grey scan to tooth: the chosen bright component, of dentin and enamel, and the dark cavity inside
+// as pulp; what is far brighter than enamel is `other`. The scan is read in slabs, once, or twice
+// if the tooth's voxels are about as small as the scan's; memory grows with the tooth's box (about
+// 30 bytes a voxel), not with the scan. Throws Error when no tooth can be told from its
+// surroundings (flat image, one class, nothing but noise) or when it looks like a segmentation,
+// naming what was found, or when the tooth would take more than 2^29 voxels. Provenance gets
+// threshold_dentin and threshold_enamel.
+LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
+                           VoxelizeReport* report = nullptr);
 LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
                            VoxelizeReport* report = nullptr);
 

@@ -49,8 +49,8 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
 
   const double blur = std::max(1.0, labels.spacing.maxCoeff() / options.voxel);
   const int margin = static_cast<int>(std::ceil(2 * blur)) + 4;
-  const WorkBox box = box_around(ImageFrame(labels), low.cast<double>(), high.cast<double>(),
-                                 options.voxel, margin);
+  const WorkBox box =
+      box_around(labels, low.cast<double>(), high.cast<double>(), options.voxel, margin);
   const std::size_t n = box.voxels();
 
   // Share of each tissue in every output voxel: the mean of the labels' indicators, linear between
@@ -64,7 +64,7 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
   const int points_per_axis =
       std::clamp(static_cast<int>(std::ceil(options.voxel / labels.spacing.minCoeff())), 1, 6);
   for_each_point_set(
-      ImageFrame(labels), box, points_per_axis,
+      labels, box, points_per_axis,
       [&](std::size_t v, const Vec3& centre, const std::vector<Vec3>& points) {
         std::array<double, kTissueCount + 1> hits{};
         for (const Vec3& p : points) {

@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "toothprep/core/errors.h"
 #include "toothprep/scan/cavity.h"
 #include "toothprep/scan/dense_filters.h"
 #include "toothprep/scan/grey_classes.h"
+#include "toothprep/scan/scan_survey.h"
 #include "toothprep/scan/voxelize.h"
 #include "toothprep/scan/work_box.h"
 
@@ -19,7 +21,7 @@ Field resample(const ImageVolume<float>& scan, const WorkBox& box, double outsid
   const double ratio = box.lattice.voxel / scan.spacing.minCoeff();
   const int points_per_axis = ratio > 1.25 ? std::min(8, static_cast<int>(std::ceil(ratio))) : 1;
   const Vec3 last = scan.size.cast<double>() - Vec3::Constant(0.5);
-  for_each_point_set(ImageFrame(scan), box, points_per_axis,
+  for_each_point_set(scan, box, points_per_axis,
                      [&](std::size_t v, const Vec3& centre, const std::vector<Vec3>& points) {
                        double sum = 0;
                        for (const Vec3& p : points) {
@@ -159,10 +161,33 @@ Field solid_field(const WorkBox& box, const Field& grey, const Mask& rough, cons
   return field;
 }
 
+// Where it is too bright for enamel; empty if it is nowhere. The blurred border of metal passes
+// through enamel's greys: what is enamel only there, with no enamel farther from the metal near by,
+// goes to metal and dentin.
+Mask metal_of(const WorkBox& box, const UnderSurface& under, const GreyClasses& classes,
+              double blur, const Mask& domain, Mask& enamel) {
+  if (!classes.threshold_metal) return {};
+  const std::size_t n = box.voxels();
+  Mask metal(n), sure(n);
+  for (std::size_t v = 0; v < n; ++v)
+    metal[v] = domain[v] && under.plateau[v] > *classes.threshold_metal;
+  const Field to_metal = distance_to(box.size, metal);
+  const double reach = 2 * blur;
+  for (std::size_t v = 0; v < n; ++v) sure[v] = enamel[v] && to_metal[v] > reach;
+  const Field to_sure = distance_to(box.size, sure);
+  for (std::size_t v = 0; v < n; ++v) {
+    if (!enamel[v] || to_metal[v] > reach || to_sure[v] <= reach + 0.5 * blur) continue;
+    enamel[v] = 0;
+    metal[v] = to_metal[v] <= 0.5 * blur;
+  }
+  for (std::size_t v = 0; v < n; ++v) enamel[v] = enamel[v] && !metal[v];
+  return metal;
+}
+
 // The tissues against each other, by their greys without the surroundings' share.
 void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth,
                        const Cavity& cavity, const UnderSurface& under, const GreyClasses& classes,
-                       ToothFields& fields) {
+                       double blur, ToothFields& fields) {
   const std::size_t n = box.voxels();
   Mask solid(n), domain(n), enamel(n);
   for (std::size_t v = 0; v < n; ++v) {
@@ -170,6 +195,7 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
     domain[v] = depth[v] > -kReach;
     enamel[v] = domain[v] && under.plateau[v] > classes.threshold_enamel;
   }
+  const Mask metal = metal_of(box, under, classes, blur, domain, enamel);
   // First in the solid alone, where an island can't hide behind its connection through the outside.
   clean_islands(box, solid, cavity.mask, enamel);
   clean_islands(box, domain, cavity.mask, enamel);
@@ -184,6 +210,12 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
   if (has_pulp) fields.tissue[2].resize(n);
   for (std::size_t v = 0; v < n; ++v) {
     // Potentials against dentin, whose own is zero.
+    if (!metal.empty() && metal[v]) {
+      for (Field& tissue : fields.tissue)
+        if (!tissue.empty()) tissue[v] = -0.5f;
+      fields.label[v] = static_cast<std::uint8_t>(Tissue::kOther);
+      continue;
+    }
     const bool in_pulp = has_pulp && cavity.mask[v];
     const float e = signed_as(
         enamel[v] && !in_pulp,
@@ -202,15 +234,9 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
 }
 
 // A segmentation read as greys would give a tooth all the same, of the wrong tissues.
-void refuse_segmentation(const ImageVolume<float>& scan) {
-  constexpr std::size_t kFewest = 9;  // values; a scan of two or more has hundreds
-  std::vector<float> values;
-  for (const float v : scan.data)
-    if (std::find(values.begin(), values.end(), v) == values.end()) {
-      values.push_back(v);
-      if (values.size() >= kFewest) return;
-    }
-  if (values.size() < 2) return;  // a flat image: said elsewhere
+void refuse_segmentation(std::vector<float> values) {
+  // A flat image is said elsewhere; a scan of two or more greys has hundreds.
+  if (values.size() < 2 || values.size() >= kManyValues) return;
   std::sort(values.begin(), values.end());
   std::string list;
   for (const float v : values) list += (list.empty() ? "" : ", ") + short_number(v);
@@ -219,32 +245,145 @@ void refuse_segmentation(const ImageVolume<float>& scan) {
       ", which looks like a segmentation; name its labels with --labels, or give --thresholds");
 }
 
+VoxelRange voxels_in(const ImageFrame& scan, const WorkBox& box) {
+  const double half = 0.5 * box.lattice.voxel;
+  return voxels_around(scan, {box.centre(Index3::Zero()) - Vec3::Constant(half),
+                              box.centre(box.size - Index3::Ones()) + Vec3::Constant(half)});
+}
+
+// Other teeth in the box give way to the surroundings, with the blur around them.
+void remove_others(const WorkBox& box, const GreyClasses& classes, double blur, Field& grey) {
+  if (classes.others.empty()) return;
+  const std::size_t n = box.voxels();
+  Mask bright(n), other(n);
+  for (std::size_t v = 0; v < n; ++v) bright[v] = grey[v] >= classes.threshold_dentin;
+  const Components parts = connected_components(box.size, bright);
+  // A component belongs to what most of it was found to be part of.
+  const ImageFrame& means = classes.others_frame;
+  const Mat3 to_index = means.to_index();
+  std::vector<std::size_t> votes(parts.count(), 0);
+  std::size_t v = 0;
+  for (int k = 0; k < box.size.z(); ++k)
+    for (int j = 0; j < box.size.y(); ++j)
+      for (int i = 0; i < box.size.x(); ++i, ++v) {
+        if (parts.label[v] == 0) continue;
+        const Vec3 at = to_index * (box.centre(Index3(i, j, k)) - means.origin);
+        const Index3 m = at.array().round().cast<int>();
+        if (m.minCoeff() < 0 || (means.size - m).minCoeff() <= 0) continue;
+        votes[parts.label[v] - 1] +=
+            classes.others[(static_cast<std::size_t>(m.z()) * means.size.y() + m.y()) *
+                               means.size.x() +
+                           m.x()];
+      }
+  bool any = false;
+  for (v = 0; v < n; ++v) {
+    other[v] =
+        parts.label[v] != 0 && 2 * votes[parts.label[v] - 1] > parts.voxels[parts.label[v] - 1];
+    bright[v] = bright[v] && !other[v];
+    any = any || other[v];
+  }
+  if (!any) return;
+  const Field to_other = distance_to(box.size, other), to_tooth = distance_to(box.size, bright);
+  const auto reach = static_cast<float>(2 * blur + 1);
+  for (v = 0; v < n; ++v)
+    if (to_other[v] <= reach && to_other[v] < to_tooth[v])
+      grey[v] = static_cast<float>(classes.surroundings);
+}
+
+std::string place(const Vec3& x) {
+  return "(" + short_number(x.x()) + ", " + short_number(x.y()) + ", " + short_number(x.z()) + ")";
+}
+
+// What a person ought to look at.
+void add_notes(const GreyClasses& classes, const ScanSurvey& seen, std::size_t scan_voxels,
+               const WorkBox& box, const Cavity& cavity, VoxelizeReport& report) {
+  if (classes.pieces.size() > 1) {
+    std::string list;
+    for (std::size_t p = 0; p < classes.pieces.size(); ++p)
+      list += (p ? ", " : "") + std::to_string(p + 1) + ": " +
+              short_number(classes.pieces[p].volume) + " mm3 at " + place(classes.pieces[p].centre);
+    report.notes.push_back(std::to_string(classes.pieces.size()) + " pieces could be teeth (" +
+                           list + "); number " + std::to_string(classes.chosen + 1) +
+                           " was taken (--tooth chooses)");
+  }
+  if (classes.touches_edge)
+    report.notes.push_back(
+        "the tooth reaches the border of the scan; it is cut off there by a flat face");
+  if (classes.threshold_metal)
+    report.notes.push_back("what is brighter than " + short_number(*classes.threshold_metal) +
+                           " is too bright for enamel (metal, a filling?); it is labelled other, "
+                           "and borders beside it are uncertain");
+  // A scanner's range ends where many voxels have the very same highest value.
+  if (static_cast<double>(seen.voxels_at_highest) > 1e-4 * static_cast<double>(scan_voxels) &&
+      seen.values.size() >= kManyValues &&
+      seen.highest > classes.enamel - 0.1 * (classes.enamel - classes.dentin))
+    report.notes.push_back(std::to_string(seen.voxels_at_highest) +
+                           " voxels have the scan's highest grey value " +
+                           short_number(seen.highest) +
+                           ", where it seems to be clipped: metal, or enamel beyond the scanner's "
+                           "range; borders there are uncertain");
+  if (cavity.mask.empty()) {
+    report.notes.push_back("no pulp cavity was found inside the dentin");
+  } else {
+    const Components parts = connected_components(box.size, cavity.mask);
+    const double voxel = std::pow(box.lattice.voxel, 3);
+    std::size_t large = 0;
+    std::string list;
+    for (std::size_t p = 0; p < parts.count(); ++p)
+      if (static_cast<double>(parts.voxels[p]) * voxel > 0.2 &&
+          50 * parts.voxels[p] > parts.voxels[0]) {
+        ++large;
+        list += (list.empty() ? "" : ", ") +
+                short_number(static_cast<double>(parts.voxels[p]) * voxel) + " mm3";
+      }
+    if (large > 1)
+      report.notes.push_back("the pulp is in " + std::to_string(large) + " pieces (" + list +
+                             "): canals that are finer than the scan, or caries or cracks");
+  }
+}
+
 }  // namespace
 
 LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
                            VoxelizeReport* report) {
+  const auto source = source_of(scan);
+  return voxelize_scan(*source, options, report);
+}
+
+LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
+                           VoxelizeReport* report) {
   const auto tell = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
-  tell("finding the tooth", 0);
-  if (!options.thresholds) refuse_segmentation(scan);
-  const GreyClasses classes = find_grey_classes(scan, options.thresholds);
+  ScanSurvey seen = survey(scan, options.voxel, [&](double read) { tell("reading", 0.3 * read); });
+  if (!options.thresholds && !options.typical) refuse_segmentation(seen.values);
+  tell("finding the tooth", 0.3);
+  const ImageFrame& frame = scan.frame();
+  const GreyClasses classes =
+      find_grey_classes(std::move(seen.class_means), seen.class_block, frame.size,
+                        {options.thresholds, options.typical, options.tooth, options.tooth_at});
   // The width of the scan's borders, in output voxels: a voxel of the scan, or of the output where
   // that is coarser.
-  const double blur = std::max(1.0, scan.spacing.maxCoeff() / options.voxel);
+  const double blur = std::max(1.0, frame.spacing.maxCoeff() / options.voxel);
   const int margin = static_cast<int>(std::ceil(blur)) + static_cast<int>(kReach);
-  const WorkBox box =
-      box_around(ImageFrame(scan), classes.box_min, classes.box_max, options.voxel, margin);
+  const WorkBox box = box_around(frame, classes.box_min, classes.box_max, options.voxel, margin);
 
-  tell("resampling", 0.1);
-  Field grey = resample(scan, box, classes.surroundings);
+  tell("resampling", 0.35);
+  if (!seen.greys)
+    seen.greys = greys_of(scan, options.voxel, voxels_in(frame, box),
+                          [&](double read) { tell("reading the tooth", 0.35 + 0.1 * read); });
+  Field grey = resample(*seen.greys, box, classes.surroundings);
+  if (report) *report = {};
+  if (report && options.keep_greys) report->greys = std::move(*seen.greys);
+  seen.greys.reset();
+  remove_others(box, classes, blur, grey);
   smooth(box.size, grey, smoothing_for(grey, classes, blur));
 
-  tell("finding the pulp", 0.3);
+  tell("finding the pulp", 0.5);
   const Cavity cavity = find_cavity(box, grey, classes, blur, margin);
 
   // The solid to a voxel: the largest piece of tissue with its cavities.
-  tell("finding the surface", 0.5);
+  tell("finding the surface", 0.6);
   Mask rough(box.voxels());
   for (std::size_t v = 0; v < rough.size(); ++v)
     rough[v] = grey[v] >= classes.threshold_dentin || (!cavity.mask.empty() && cavity.mask[v]);
@@ -256,28 +395,25 @@ LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions
     const Field depth = depth_below_surface(box.size, rough);
     const UnderSurface under = look_under_surface(box, grey, depth, classes, blur);
     fields.solid = solid_field(box, grey, rough, cavity, under, classes);
-    tell("separating the tissues", 0.6);
-    add_tissue_fields(box, grey, depth, cavity, under, classes, fields);
+    tell("separating the tissues", 0.7);
+    add_tissue_fields(box, grey, depth, cavity, under, classes, blur, fields);
   }
   Field().swap(grey);
 
-  tell("measuring distances", 0.7);
+  tell("measuring distances", 0.8);
   LayeredTooth tooth = tooth_of(box, std::move(fields));
   tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
   tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
   tell("done", 1);
   if (report) {
-    *report = {};
     report->threshold_dentin = classes.threshold_dentin;
     report->threshold_enamel = classes.threshold_enamel;
     report->surroundings = classes.surroundings;
     report->dentin = classes.dentin;
     report->enamel = classes.enamel;
     report->pulp = cavity.grey;
-    if (classes.touches_edge)
-      report->notes.push_back(
-          "the tooth reaches the border of the scan; it is cut off there by a flat face");
-    if (cavity.mask.empty()) report->notes.push_back("no pulp cavity was found inside the dentin");
+    report->notes = scan.notes();
+    add_notes(classes, seen, frame.voxels(), box, cavity, *report);
   }
   return tooth;
 }

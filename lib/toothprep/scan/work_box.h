@@ -40,19 +40,6 @@ struct WorkBox {
   }
 };
 
-// Where an image lies, without its values.
-struct ImageFrame {
-  Vec3 spacing, origin;
-  Mat3 direction;
-  template <class T>
-  explicit ImageFrame(const ImageVolume<T>& image)
-      : spacing(image.spacing), origin(image.origin), direction(image.direction) {}
-  Mat3 to_index() const { return spacing.cwiseInverse().asDiagonal() * direction.transpose(); }
-  Vec3 to_world(const Vec3& index) const {
-    return origin + direction * spacing.cwiseProduct(index);
-  }
-};
-
 // The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels.
 // Its lattice's
 // voxels lie side by side from the frame's zero: faces are multiples of `voxel`. Throws Error if
