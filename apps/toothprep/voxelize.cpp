@@ -17,6 +17,7 @@
 #include "toothprep/core/output_file.h"
 #include "toothprep/mesh/shells.h"
 #include "toothprep/scan/crop.h"
+#include "toothprep/scan/hounsfield.h"
 #include "toothprep/scan/image_file.h"
 #include "toothprep/scan/scan_report.h"
 #include "toothprep/toothfile/tooth_file.h"
@@ -31,7 +32,7 @@ struct Options {
   std::string spacing_mm;
   std::vector<std::string> labels;  // tissue=value
   std::vector<std::string> meshes;  // tissue=file
-  std::string series, report;
+  std::string series, report, tooth, hounsfield;
   std::vector<double> roi;  // mm
   int component = 0;        // 0: not given
   bool allow_irregular = false;
@@ -74,6 +75,30 @@ std::string format(const char* pattern, auto... values) {
   std::array<char, 512> text{};
   std::snprintf(text.data(), text.size(), pattern, values...);
   return text.data();
+}
+
+// "N" or "X,Y,Z" (mm).
+void choose_tooth(const std::string& text, VoxelizeOptions& how) {
+  const auto parts = CLI::detail::split(text, ',');
+  Vec3 at = Vec3::Zero();
+  bool good = parts.size() == 3;
+  for (std::size_t a = 0; a < 3 && good; ++a)
+    good = CLI::detail::lexical_cast(parts[a], at[static_cast<int>(a)]);
+  if (good && at.allFinite())
+    how.tooth_at = at;
+  else if (parts.size() != 1 || !CLI::detail::lexical_cast(text, how.tooth) || how.tooth < 1)
+    throw CLI::ValidationError("--tooth",
+                               "'" + text + "' is neither a number (1 is the largest) nor X,Y,Z");
+}
+
+std::string presets_file() { return data_folder() + "/scans/hounsfield.toml"; }
+
+void print_presets() {
+  for (const HounsfieldPreset& p : read_hounsfield_presets(presets_file()))
+    std::cout << format("%-18s %6.0f %6.0f  %s\n", p.name.c_str(), p.pulp_dentin, p.dentin_enamel,
+                        p.description.c_str());
+  std::cerr << "Borders pulp|dentin and dentin|enamel, HU; sources stand in " << presets_file()
+            << '\n';
 }
 
 void warn_placeholder(const Options& options, const Vec3& spacing) {
@@ -213,6 +238,12 @@ void run_scan(const Options& options, const Common& common) {
   VoxelizeOptions how;
   how.voxel = options.voxel_mm;
   if (!options.thresholds.empty()) how.thresholds = {options.thresholds[0], options.thresholds[1]};
+  if (!options.tooth.empty()) choose_tooth(options.tooth, how);
+  if (!options.hounsfield.empty()) {
+    const auto presets = read_hounsfield_presets(presets_file());
+    const HounsfieldPreset& preset = preset_named(presets, options.hounsfield);
+    how.typical = {preset.pulp_dentin, preset.dentin_enamel};
+  }
   const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
   if (terminal) how.progress = progress_line();
 
@@ -270,6 +301,11 @@ void run_scan(const Options& options, const Common& common) {
 }
 
 void run(const Options& options, const Common& common) {
+  if (options.hounsfield == "list") {
+    print_presets();
+    return;
+  }
+  if (options.output.empty()) throw CLI::RequiredError("--output");
   if (options.scan.empty() == options.meshes.empty())
     throw CLI::ValidationError("voxelize", options.meshes.empty()
                                                ? "needs a scan or --mesh TISSUE=FILE"
@@ -291,7 +327,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
   sub->add_option(
       "scan", options->scan,
       "Folder with a DICOM series, or .dcm (multi-frame) .nrrd .nhdr .nii .nii.gz .mha .mhd");
-  sub->add_option("-o,--output", options->output, "Tooth file (.vdb)")->required();
+  sub->add_option("-o,--output", options->output, "Tooth file (.vdb)");
   sub->add_option("--voxel-mm", options->voxel_mm, "Voxel size of the tooth, mm")
       ->check(CLI::Range(1e-3, 10.0))
       ->capture_default_str();
@@ -301,6 +337,12 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->delimiter(',')
       ->expected(2)
       ->allow_extra_args(false);
+  sub->add_option("--hounsfield", options->hounsfield,
+                  "Of a scan in Hounsfield units: tell the tissues apart by a preset's borders "
+                  "('list' prints them) instead of by the histogram's peaks")
+      ->excludes("--thresholds");
+  sub->add_option("--tooth", options->tooth,
+                  "Of several teeth: N (1 is the largest), or a place in it X,Y,Z in mm, LPS");
   sub->add_option("--spacing-mm", options->spacing_mm,
                   "Voxel size of the scan, mm, in place of the file's: S or X,Y,Z");
   sub->add_option("--labels", options->labels,
@@ -308,7 +350,9 @@ void add_voxelize(CLI::App& app, const Common& common) {
                   "named are empty")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->excludes("--thresholds");
+      ->excludes("--thresholds")
+      ->excludes("--hounsfield")
+      ->excludes("--tooth");
   sub->add_option("--mesh", options->meshes,
                   "In place of a scan, closed shells in mm (.stl .ply .obj .off), one per option: "
                   "enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the inner "
@@ -316,6 +360,8 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->excludes("--labels")
       ->excludes("--thresholds")
+      ->excludes("--hounsfield")
+      ->excludes("--tooth")
       ->excludes("--spacing-mm");
   sub->add_option(
          "--series", options->series,
@@ -349,6 +395,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
       "Examples:\n"
       "  toothprep voxelize scan.nrrd -o tooth.vdb --spacing-mm 0.12\n"
       "  toothprep voxelize dicom-folder -o tooth.vdb --voxel-mm 0.05 --thresholds 900,1900\n"
+      "  toothprep voxelize jaw-ct -o tooth.vdb --hounsfield young-permanent --tooth 12.5,-40,31\n"
       "  toothprep voxelize segmentation.nii.gz -o tooth.vdb --labels enamel=2,dentin=3,other=1\n"
       "  toothprep voxelize --mesh enamel=crown.stl --mesh dentin=dentin.stl -o tooth.vdb");
   sub->callback([options, &common] { run(*options, common); });

@@ -104,15 +104,16 @@ TEST_P(ScanQuality, LayersOfASyntheticScanAreRight) {
     EXPECT_GE(q.dice[2], 0.95);
   }
   EXPECT_LE(q.surface_error, 0.15);
-  // Enamel of less than two scan voxels is beyond the scan's resolution when it is blurred as much.
   EXPECT_LE(q.false_dentin, 0.005);
+  EXPECT_LE(q.false_dentin_thin, 0.005);
 }
 
 INSTANTIATE_TEST_SUITE_P(Scans, ScanQuality,
-                         ::testing::Values(Case{0.1, 0.5, 0}, Case{0.1, 1.5, 0.1},
-                                           Case{0.2, 0.5, 0.1}, Case{0.2, 1.0, 0.05},
-                                           Case{0.2, 1.5, 0.1}, Case{0.3, 0.5, 0},
-                                           Case{0.3, 1.0, 0.1}, Case{0.3, 1.5, 0.1}),
+                         ::testing::Values(Case{0.05, 1.5, 0.1}, Case{0.1, 0.5, 0},
+                                           Case{0.1, 1.5, 0.1}, Case{0.2, 0.5, 0.1},
+                                           Case{0.2, 1.0, 0.05}, Case{0.2, 1.5, 0.1},
+                                           Case{0.3, 0.5, 0}, Case{0.3, 1.0, 0.1},
+                                           Case{0.3, 1.5, 0.1}),
                          name_of);
 
 }  // namespace

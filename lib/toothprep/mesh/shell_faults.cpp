@@ -249,6 +249,7 @@ std::array<std::uint32_t, 3> corners(const Mesh& mesh, Mesh::Face_index f) {
 
 // Triangles of parts that face the wrong way: outermost parts inward, cavities outward.
 std::vector<std::size_t> inside_out(const Mesh& mesh) {
+  if (mesh.number_of_faces() == 0) return {};  // CGAL takes the first part's turn unseen
   Mesh right = mesh;
   pmp::orient_to_bound_a_volume(right);
   std::vector<std::size_t> wrong;
@@ -267,6 +268,7 @@ std::string count_of(std::size_t n, const std::string& one, const std::string& m
 }  // namespace
 
 std::vector<std::string> shell_faults(const Shell& shell) {
+  if (shell.triangles.empty()) return {"holds no faces"};
   std::vector<std::string> faults, kind;
   const auto first = first_alike(shell);
   for (std::size_t t = 0; t < shell.triangles.size(); ++t) {

@@ -1,18 +1,14 @@
 #include "toothprep/scan/dicom_pixels.h"
 
 #include <gdcmPixmapReader.h>
-#include <gdcmTrace.h>
-#include <sys/mman.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <mutex>
 
 #include "toothprep/core/errors.h"
+#include "toothprep/core/trial.h"
+#include "toothprep/scan/itk_io.h"
 
 namespace toothprep::image {
 namespace {
@@ -20,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr unsigned kDecodeSeconds = 300;  // a decoder that hangs is ended
+constexpr std::size_t kDecodeMemory = std::size_t{1} << 30;
 
 enum Decoded { kDone = 0, kDoneWithLoss = 1, kOtherSize = 2, kNotDecoded = 3 };
 
@@ -42,36 +39,18 @@ Decoded decode(const DicomHeader& header, std::size_t bytes, char* out) {
 // GDCM and its decoders end the program by assertions if a stream is damaged; here they end a
 // child.
 Decoded decode_apart(const DicomHeader& header, std::size_t bytes, char* out) {
-  // ITK ends and restarts its threads around a fork, and not for two forks at once.
-  static std::mutex one_fork;
-  pid_t child = 0;
-  {
-    const std::scoped_lock guard(one_fork);
-    child = fork();
-  }
-  if (child < 0) throw Error(header.file + ": no process could be started to decode it");
-  if (child == 0) {
-    const rlimit no_core{0, 0};
-    setrlimit(RLIMIT_CORE, &no_core);
-    alarm(kDecodeSeconds);
-    if (!std::freopen("/dev/null", "w", stderr) || !std::freopen("/dev/null", "w", stdout))
-      _exit(kNotDecoded);
-    gdcm::Trace::DebugOff();
-    gdcm::Trace::WarningOff();
-    gdcm::Trace::ErrorOff();
-    Decoded result = kNotDecoded;
-    try {
-      result = decode(header, bytes, out);
-    } catch (...) {
-    }
-    _exit(result);
-  }
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0)
-    if (errno != EINTR) return kNotDecoded;
-  return WIFEXITED(status) && WEXITSTATUS(status) <= kNotDecoded
-             ? static_cast<Decoded>(WEXITSTATUS(status))
-             : kNotDecoded;
+  const SharedMemory result(sizeof(Decoded));
+  Decoded decoded = kNotDecoded;
+  std::memcpy(result.data(), &decoded, sizeof decoded);
+  const auto failure = failure_in_trial(
+      [&] {
+        silence_libraries();
+        const Decoded done = decode(header, bytes, out);
+        std::memcpy(result.data(), &done, sizeof done);
+      },
+      kDecodeSeconds, 2 * bytes + kDecodeMemory);
+  std::memcpy(&decoded, result.data(), sizeof decoded);
+  return failure ? kNotDecoded : decoded;
 }
 
 // Stored bits to greys: of each cell, `bits_stored` bits up to `high_bit`.
@@ -100,23 +79,6 @@ void rescale(const char* bytes, bool big_endian, const DicomHeader& header, cons
 }  // namespace
 
 // Memory that a child process can write for its parent.
-class DicomPixels::SharedBytes {
- public:
-  explicit SharedBytes(std::size_t size)
-      : size_(size),
-        at_(mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
-    if (at_ == MAP_FAILED) throw std::bad_alloc();
-  }
-  ~SharedBytes() { munmap(at_, size_); }
-  SharedBytes(const SharedBytes&) = delete;
-  SharedBytes& operator=(const SharedBytes&) = delete;
-  char* data() const { return static_cast<char*>(at_); }
-
- private:
-  std::size_t size_;
-  void* at_;
-};
-
 DicomPixels::DicomPixels(const std::string& path, const DicomHeader& header) : header_(header) {
   const std::string name = fs::path(header.file).filename().string();
   const int bits = header.bits_allocated;
@@ -139,7 +101,7 @@ DicomPixels::DicomPixels(const std::string& path, const DicomHeader& header) : h
     if (file_.pixels.size() < bytes || file_.pixels.size() > bytes + 1) throw other_size;
     return;
   }
-  decoded_ = std::make_unique<SharedBytes>(bytes);
+  decoded_ = std::make_unique<SharedMemory>(bytes);
   const Decoded result = decode_apart(header, bytes, decoded_->data());
   if (result == kOtherSize) throw other_size;
   if (result == kNotDecoded)

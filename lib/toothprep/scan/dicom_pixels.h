@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "toothprep/core/trial.h"
 #include "toothprep/scan/dicom_header.h"
 
 namespace toothprep::image {
@@ -22,10 +23,9 @@ class DicomPixels {
   bool lossy() const { return lossy_; }  // the compression loses something
 
  private:
-  class SharedBytes;
   const DicomHeader& header_;
   DicomFile file_;
-  std::unique_ptr<SharedBytes> decoded_;
+  std::unique_ptr<SharedMemory> decoded_;
   bool lossy_ = false;
 };
 

@@ -250,6 +250,7 @@ GreyClasses find_grey_classes(ImageVolume<float> means, const Index3& block,
   }
 
   GreyClasses classes;
+  classes.darkest = low;
   if (hints.thresholds) {
     const auto& [dentin, enamel] = *hints.thresholds;
     if (!std::isfinite(dentin) || !std::isfinite(enamel) || !(dentin < enamel))

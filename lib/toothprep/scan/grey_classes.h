@@ -41,6 +41,7 @@ struct GreyClasses {
   double threshold_enamel = 0;                      // border dentin | enamel
   // The nearest class below dentin, whichever it is: border for "certainly no dentin".
   double below_dentin = 0;
+  double darkest = 0;  // of the scan, a few voxels aside
   // Above this grey it is metal (or what else is too bright for enamel), if there is any.
   std::optional<double> threshold_metal;
 

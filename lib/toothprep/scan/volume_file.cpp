@@ -14,6 +14,7 @@
 #include <functional>
 
 #include "toothprep/core/errors.h"
+#include "toothprep/core/trial.h"
 #include "toothprep/scan/byte_stream.h"
 #include "toothprep/scan/image_checks.h"
 #include "toothprep/scan/itk_io.h"
@@ -88,11 +89,22 @@ DataPlace nifti_place(const std::string& path) {
     if (swapped) std::reverse(bytes.begin(), bytes.end());
     return std::bit_cast<T>(bytes);
   };
-  const float offset = number_at(108, 0.0f), slope = number_at(112, 0.0f),
-              intercept = number_at(116, 0.0f);
-  place.plain = std::string_view(header.data() + 344, 3) == "n+1" && offset >= 348 &&
-                offset < 1e9f && offset == std::floor(offset);
-  place.offset = place.plain ? static_cast<std::uint64_t>(offset) : 348;
+  const std::string_view mark(header.data() + 344, 3);
+  if (mark != "n+1" && mark != "ni1") throw std::runtime_error("it lacks the mark of NIfTI-1");
+  // The library's decomposition of a matrix that isn't finite never ends.
+  for (std::size_t at = 256; at < 328; at += 4)
+    if (!std::isfinite(number_at(at, 0.0f)))
+      throw InputError(path, "orientation", "holds a value that is not a finite number",
+                       "the file's header is damaged");
+  float offset = number_at(108, 0.0f);
+  const float slope = number_at(112, 0.0f), intercept = number_at(116, 0.0f);
+  if (offset == 0) offset = 352;  // "where the header and its extensions end", if none is said
+  if (!(offset >= 348 && offset < 1e9f && offset == std::floor(offset)))
+    throw InputError(path, "vox_offset",
+                     "the place of the voxels, byte " + number(offset) + ", can't be one",
+                     "the file's header is damaged");
+  place.plain = mark == "n+1";
+  place.offset = static_cast<std::uint64_t>(offset);
   if (std::isfinite(slope) && slope != 0 && std::isfinite(intercept)) {
     place.slope = slope;
     place.intercept = intercept;
@@ -101,6 +113,8 @@ DataPlace nifti_place(const std::string& path) {
   place.plain = place.plain && place.type;
   return place;
 }
+
+constexpr std::size_t kLongestLine = 4096;  // bytes; only lists of files are as long
 
 // The few header fields that tell where and how the voxels lie; ITK reads them all, but only to
 // read all voxels, and some of its readers allocate what the header says and only warn when data is
@@ -118,6 +132,9 @@ DataPlace data_place(const std::string& path, Format format) {
     const auto colon = text.find(format == Format::kNrrd ? ':' : '=');
     if (colon == std::string::npos || text[0] == '#') continue;
     const std::string key = lower(trimmed(text.substr(0, colon)));
+    if (text.size() > kLongestLine)
+      throw InputError(path, "line " + std::to_string(n + 1), "is longer than any of such a header",
+                       "the file's header is damaged");
     const std::string value = trimmed(text.substr(colon + 1)), low = lower(value);
     if (format == Format::kNrrd) {
       if (key == "encoding") {
@@ -130,6 +147,9 @@ DataPlace data_place(const std::string& path, Format format) {
         place.plain = place.plain && low == "0";
       if (key == "data file" || key == "datafile") detached = true, place.file = value;
     } else {
+      if (key == "ndims" && low != "2" && low != "3" && low != "4")
+        throw InputError(path, "NDims", "is '" + value.substr(0, 40) + "'",
+                         "a scan has three dimensions");
       if (key == "compresseddata") place.compressed = place.deflated = low == "true";
       if (key == "binarydata") place.plain = place.plain && low == "true";
       if (key == "headersize") place.plain = place.plain && low == "0";
@@ -142,10 +162,17 @@ DataPlace data_place(const std::string& path, Format format) {
     }
   }
   if (detached) {
-    // A list or a pattern of files is left to ITK.
-    if (place.file.find_first_of(" %") != std::string::npos || lower(place.file) == "list")
-      return {};
+    if (place.file.find_first_of(" %") != std::string::npos ||
+        lower(place.file).starts_with("list")) {
+      if (format == Format::kMeta)  // MetaIO would make up the voxels of those that aren't there
+        throw InputError(path, "ElementDataFile", "names several files, which isn't read",
+                         "save the volume as one file, or give the DICOM folder");
+      return {};  // left to ITK
+    }
     place.file = (fs::path(path).parent_path() / place.file).string();
+    std::error_code error;
+    if (fs::equivalent(path, place.file, error))
+      throw InputError(path, "data file", "is the header itself", "the file's header is damaged");
   } else if (in.good()) {
     place.starts = static_cast<std::uint64_t>(in.tellg());
   } else {
@@ -203,6 +230,68 @@ double nrrd_unit_mm(const std::string& path) {
   return 1;
 }
 
+// ---- What ITK makes of a header
+
+constexpr unsigned kHeaderSeconds = 20, kReadSeconds = 600;
+constexpr std::size_t kReaderMemory = std::size_t{1} << 30;
+constexpr unsigned kMostDimensions = 8;
+
+struct Header {
+  bool read = false;
+  unsigned dimensions = 0, components = 0;
+  std::array<double, kMostDimensions> size;
+  std::array<double, 3> spacing, origin;
+  std::array<std::array<double, 3>, 3> axes;
+  itk::IOComponentEnum type;
+};
+
+// Its libraries (MetaIO, the NIfTI library, VNL) crash or hang on some damaged headers, so that it
+// only meets them in a child process.
+void try_itk(const std::function<void()>& work, unsigned seconds, std::size_t memory) {
+  const auto failure = failure_in_trial(
+      [&] {
+        silence_libraries();
+        try {
+          work();
+        } catch (const itk::ExceptionObject& e) {
+          throw std::runtime_error(description(e));
+        }
+      },
+      seconds, memory);
+  if (!failure) return;
+  throw std::runtime_error(failure->empty() ? "it is damaged" : *failure);
+}
+
+Header itk_header(const std::string& path, Format format) {
+  const SharedMemory shared(sizeof(Header));
+  try_itk(
+      [&] {
+        const itk::ImageIOBase::Pointer io = io_of(format);
+        io->SetFileName(path);
+        io->ReadImageInformation();
+        Header h;
+        h.dimensions = io->GetNumberOfDimensions();
+        h.components = io->GetNumberOfComponents();
+        h.type = io->GetComponentType();
+        for (unsigned a = 0; a < std::min(h.dimensions, kMostDimensions); ++a)
+          h.size[a] = static_cast<double>(io->GetDimensions(a));
+        for (unsigned a = 0; a < std::min(h.dimensions, 3u); ++a) {
+          h.spacing[a] = io->GetSpacing(a);
+          h.origin[a] = io->GetOrigin(a);
+          const std::vector<double> axis = io->GetDirection(a);
+          for (unsigned b = 0; b < std::min<std::size_t>(3, axis.size()); ++b)
+            h.axes[a][b] = axis[b];
+        }
+        h.read = true;
+        std::memcpy(shared.data(), &h, sizeof h);
+      },
+      kHeaderSeconds, kReaderMemory);
+  Header header;
+  std::memcpy(&header, shared.data(), sizeof header);
+  if (!header.read) throw std::runtime_error("no process could be started to read it");
+  return header;
+}
+
 // A file may hold several grey values at a place: components of a vector, or volumes of a 4-D
 // image.
 struct Parts {
@@ -210,17 +299,17 @@ struct Parts {
   int components = 1, volumes = 1;
 };
 
-Parts parts_of(const std::string& path, const itk::ImageIOBase& io) {
+Parts parts_of(const std::string& path, const Header& header) {
   Parts parts;
-  parts.components = static_cast<int>(io.GetNumberOfComponents());
+  parts.components = static_cast<int>(header.components);
   double volumes = 1;
-  for (unsigned a = 0; a < io.GetNumberOfDimensions(); ++a) {
-    const auto n = static_cast<double>(io.GetDimensions(a));
+  for (unsigned a = 0; a < header.dimensions; ++a) {
+    const double n = a < kMostDimensions ? header.size[a] : 0;
     if (a < 3)
       parts.size[a] = n;
     else if (n != 1 && (a > 3 || parts.components > 1))
       throw InputError(path, "size",
-                       "has " + std::to_string(io.GetNumberOfDimensions()) + " dimensions" +
+                       "has " + std::to_string(header.dimensions) + " dimensions" +
                            (parts.components > 1 ? " and several components per voxel" : ""),
                        "a scan has three");
     else
@@ -387,16 +476,26 @@ class InFile : public ScanSource {
 };
 
 // By ITK, as a whole.
-ImageVolume<float> read_whole(itk::ImageIOBase& io, const ImageFrame& frame, const Layout& layout) {
-  const unsigned dimensions = io.GetNumberOfDimensions();
-  itk::ImageIORegion whole(dimensions);
-  for (unsigned a = 0; a < dimensions; ++a) {
-    whole.SetIndex(a, 0);
-    whole.SetSize(a, io.GetDimensions(a));
-  }
-  io.SetIORegion(whole);
-  std::vector<char> bytes(static_cast<std::size_t>(io.GetImageSizeInBytes()));
-  io.Read(bytes.data());
+ImageVolume<float> read_whole(const std::string& path, Format format, const ImageFrame& frame,
+                              const Layout& layout) {
+  const SharedMemory bytes(layout.all * layout.value_bytes);
+  try_itk(
+      [&] {
+        const itk::ImageIOBase::Pointer io = io_of(format);
+        io->SetFileName(path);
+        io->ReadImageInformation();
+        const unsigned dimensions = io->GetNumberOfDimensions();
+        itk::ImageIORegion whole(dimensions);
+        for (unsigned a = 0; a < dimensions; ++a) {
+          whole.SetIndex(a, 0);
+          whole.SetSize(a, io->GetDimensions(a));
+        }
+        io->SetIORegion(whole);
+        if (static_cast<std::size_t>(io->GetImageSizeInBytes()) != layout.all * layout.value_bytes)
+          throw std::runtime_error("its size isn't what its header says");
+        io->Read(bytes.data());
+      },
+      kReadSeconds, 2 * layout.all * layout.value_bytes + kReaderMemory);
   ImageVolume<float> volume;
   static_cast<ImageFrame&>(volume) = frame;
   volume.data.resize(frame.voxels());
@@ -410,33 +509,30 @@ std::unique_ptr<ScanSource> opened(const std::string& path, Format format,
                                    const std::optional<std::array<double, 3>>& spacing_mm) {
   const DataPlace place = data_place(path, format);
   check_data_file(path, place);
-  const itk::ImageIOBase::Pointer io = io_of(format);
-  const Silence silence;
-  io->SetFileName(path);
-  io->ReadImageInformation();
-  const Parts parts = parts_of(path, *io);
+  const Header header = itk_header(path, format);
+  const Parts parts = parts_of(path, header);
   const auto part = static_cast<std::size_t>(chosen_part(path, parts, component));
   check_size(path, parts.size);
   ImageFrame frame;
   for (unsigned a = 0; a < 3; ++a) {
     frame.size[a] = static_cast<int>(parts.size[a]);
-    frame.spacing[a] = io->GetSpacing(a);
-    frame.origin[a] = io->GetOrigin(a);
-    const std::vector<double> axis = io->GetDirection(a);
-    for (unsigned b = 0; b < 3; ++b) frame.direction(b, a) = axis[b];
+    frame.spacing[a] = header.spacing[a];
+    frame.origin[a] = header.origin[a];
+    for (unsigned b = 0; b < 3; ++b) frame.direction(b, a) = header.axes[a][b];
   }
   if (format == Format::kNrrd) {
     const double unit = nrrd_unit_mm(path);
     frame.spacing *= unit;
     frame.origin *= unit;
   }
-  const auto value_type = place.plain && place.type ? *place.type : io->GetComponentType();
+  const auto value_type = place.plain && place.type ? *place.type : header.type;
   Layout layout;
   layout.take = take_of(value_type);
   layout.value_bytes = bytes_of(value_type);
   layout.step = static_cast<std::size_t>(parts.components);
   layout.first = parts.components > 1 ? part : part * frame.voxels();
-  layout.all = frame.voxels() * static_cast<std::size_t>(parts.components * parts.volumes);
+  layout.all = frame.voxels() * static_cast<std::size_t>(parts.components) *
+               static_cast<std::size_t>(parts.volumes);
   const std::size_t promised = layout.all * layout.value_bytes;
   check_bytes(path, place, static_cast<double>(promised));
   place_volume(path, frame, spacing_mm);
@@ -447,7 +543,7 @@ std::unique_ptr<ScanSource> opened(const std::string& path, Format format,
   if (place.deflated && !place.file.empty() &&
       !ByteStream(place.file, place.starts, true).read(place.offset + promised - 1, 1, &last))
     throw too_few(path, static_cast<double>(promised), "fewer (compressed)");
-  return owning_source(read_whole(*io, frame, layout), path);
+  return owning_source(read_whole(path, format, frame, layout), path);
 }
 
 }  // namespace
@@ -468,8 +564,6 @@ std::unique_ptr<ScanSource> open_volume_file(
   };
   try {
     return opened(path, format, component, spacing_mm);
-  } catch (const itk::ExceptionObject& e) {
-    throw failed(description(e));
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const Error&) {

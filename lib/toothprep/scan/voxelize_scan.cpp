@@ -161,26 +161,45 @@ Field solid_field(const WorkBox& box, const Field& grey, const Mask& rough, cons
   return field;
 }
 
-// Where it is too bright for enamel; empty if it is nowhere. The blurred border of metal passes
-// through enamel's greys: what is enamel only there, with no enamel farther from the metal near by,
-// goes to metal and dentin.
-Mask metal_of(const WorkBox& box, const UnderSurface& under, const GreyClasses& classes,
-              double blur, const Mask& domain, Mask& enamel) {
+// The grey that parts dentin and enamel at a depth below the surface (voxels). A layer of enamel
+// that is little thicker than the blur doesn't reach enamel's grey: by half-way greys it would be
+// lost below 1.5 scan voxels. So near the surface less is asked for, still more than noise makes
+// after smoothing.
+float enamel_border(const GreyClasses& classes, double depth, double blur) {
+  constexpr double kAtSurface = 0.33, kHalfWay = 0.5;
+  const double share =
+      kAtSurface + (kHalfWay - kAtSurface) * std::clamp(depth / blur - 1, 0.0, 1.0);
+  return static_cast<float>(classes.dentin + share * (classes.enamel - classes.dentin));
+}
+
+// Where it is too bright for enamel, to the half-way grey; empty if it is nowhere. The blurred
+// border of metal passes through enamel's greys: what is enamel only there, with no enamel farther
+// from the metal near by, goes to metal and dentin.
+Mask metal_of(const WorkBox& box, const Field& grey, const Field& depth, const UnderSurface& under,
+              const GreyClasses& classes, double blur, const Mask& domain, Mask& enamel) {
   if (!classes.threshold_metal) return {};
   const std::size_t n = box.voxels();
-  Mask metal(n), sure(n);
+  Field bright;
   for (std::size_t v = 0; v < n; ++v)
-    metal[v] = domain[v] && under.plateau[v] > *classes.threshold_metal;
+    if (domain[v] && grey[v] > *classes.threshold_metal) bright.push_back(grey[v]);
+  if (bright.empty()) return {};
+  const auto typical =
+      bright.begin() + static_cast<std::ptrdiff_t>(0.75 * static_cast<double>(bright.size()));
+  std::nth_element(bright.begin(), typical, bright.end());
+  const double border = 0.5 * (classes.enamel + *typical);
+  Mask metal(n), sure(n);
+  for (std::size_t v = 0; v < n; ++v) metal[v] = domain[v] && grey[v] > border;
   const Field to_metal = distance_to(box.size, metal);
   const double reach = 2 * blur;
   for (std::size_t v = 0; v < n; ++v) sure[v] = enamel[v] && to_metal[v] > reach;
   const Field to_sure = distance_to(box.size, sure);
   for (std::size_t v = 0; v < n; ++v) {
-    if (!enamel[v] || to_metal[v] > reach || to_sure[v] <= reach + 0.5 * blur) continue;
-    enamel[v] = 0;
-    metal[v] = to_metal[v] <= 0.5 * blur;
+    if (!enamel[v] || to_metal[v] > reach) continue;
+    const bool skin = depth[v] < 1.5 * blur && under.plateau[v] > border && to_metal[v] <= blur;
+    const bool halo = to_sure[v] > reach + 0.5 * blur;
+    metal[v] = metal[v] || skin || (halo && to_metal[v] <= 0.5 * blur);
+    if (metal[v] || halo) enamel[v] = 0;
   }
-  for (std::size_t v = 0; v < n; ++v) enamel[v] = enamel[v] && !metal[v];
   return metal;
 }
 
@@ -190,12 +209,14 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
                        double blur, ToothFields& fields) {
   const std::size_t n = box.voxels();
   Mask solid(n), domain(n), enamel(n);
+  Field border(n);
   for (std::size_t v = 0; v < n; ++v) {
     solid[v] = fields.solid[v] > 0;
     domain[v] = depth[v] > -kReach;
-    enamel[v] = domain[v] && under.plateau[v] > classes.threshold_enamel;
+    border[v] = enamel_border(classes, depth[v], blur);
+    enamel[v] = domain[v] && under.plateau[v] > border[v];
   }
-  const Mask metal = metal_of(box, under, classes, blur, domain, enamel);
+  const Mask metal = metal_of(box, grey, depth, under, classes, blur, domain, enamel);
   // First in the solid alone, where an island can't hide behind its connection through the outside.
   clean_islands(box, solid, cavity.mask, enamel);
   clean_islands(box, domain, cavity.mask, enamel);
@@ -217,9 +238,8 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
       continue;
     }
     const bool in_pulp = has_pulp && cavity.mask[v];
-    const float e = signed_as(
-        enamel[v] && !in_pulp,
-        scaled(under.plateau[v] - classes.threshold_enamel, classes.enamel - classes.dentin));
+    const float e = signed_as(enamel[v] && !in_pulp, scaled(under.plateau[v] - border[v],
+                                                            classes.enamel - classes.dentin));
     fields.tissue[0][v] = e;
     fields.tissue[1][v] = -e;
     fields.label[v] = static_cast<std::uint8_t>(e > 0 ? Tissue::kEnamel : Tissue::kDentin);
@@ -296,7 +316,12 @@ std::string place(const Vec3& x) {
 
 // What a person ought to look at.
 void add_notes(const GreyClasses& classes, const ScanSurvey& seen, std::size_t scan_voxels,
-               const WorkBox& box, const Cavity& cavity, VoxelizeReport& report) {
+               const WorkBox& box, const Cavity& cavity, const VoxelizeOptions& options,
+               VoxelizeReport& report) {
+  if (options.typical && classes.darkest > -200)
+    report.notes.push_back("the scan's darkest grey is " + short_number(classes.darkest) +
+                           ", where air has -1000 Hounsfield units: are these Hounsfield units? "
+                           "(cone-beam CT has others)");
   if (classes.pieces.size() > 1) {
     std::string list;
     for (std::size_t p = 0; p < classes.pieces.size(); ++p)
@@ -413,7 +438,7 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
     report->enamel = classes.enamel;
     report->pulp = cavity.grey;
     report->notes = scan.notes();
-    add_notes(classes, seen, frame.voxels(), box, cavity, *report);
+    add_notes(classes, seen, frame.voxels(), box, cavity, options, *report);
   }
   return tooth;
 }

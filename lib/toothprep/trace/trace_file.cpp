@@ -9,7 +9,7 @@
 #include "toothprep/trace/hdf5_handle.h"
 #include "toothprep/trace/trace.h"
 #include "toothprep/trace/trace_columns.h"
-#include "toothprep/trace/trial.h"
+#include "toothprep/core/trial.h"
 
 namespace toothprep {
 namespace {

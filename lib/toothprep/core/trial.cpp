@@ -1,6 +1,7 @@
-#include "toothprep/trace/trial.h"
+#include "toothprep/core/trial.h"
 
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -9,6 +10,7 @@
 #include <csignal>
 #include <exception>
 #include <fstream>
+#include <mutex>
 #include <new>
 
 namespace toothprep {
@@ -55,7 +57,13 @@ std::optional<std::string> failure_in_trial(const std::function<void()>& work, u
                                             std::size_t memory) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return {};
-  const pid_t child = fork();
+  // ITK ends and restarts its threads around a fork, and not for two forks at once.
+  static std::mutex one_fork;
+  pid_t child = 0;
+  {
+    const std::scoped_lock guard(one_fork);
+    child = fork();
+  }
   if (child == 0) run_as_child(work, seconds, memory, ends[1]);
   close(ends[1]);
   std::string text;
@@ -71,5 +79,13 @@ std::optional<std::string> failure_in_trial(const std::function<void()>& work, u
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
   return WIFEXITED(status) && WEXITSTATUS(status) == kThrew ? text : std::string();
 }
+
+SharedMemory::SharedMemory(std::size_t bytes)
+    : bytes_(bytes),
+      at_(mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
+  if (at_ == MAP_FAILED) throw std::bad_alloc();
+}
+
+SharedMemory::~SharedMemory() { munmap(at_, bytes_); }
 
 }  // namespace toothprep

@@ -1,0 +1,32 @@
+// Trying something that may crash, hang or ask for all memory, without doing so.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+
+namespace toothprep {
+
+// Runs `work` in a child process, whose results are lost but for what it writes to SharedMemory.
+// Gives nothing if it came to its end, what() of the std::exception that it threw, or an empty text
+// if it crashed or took more than `seconds` or more than `memory` bytes. Nothing, too, if no child
+// can be made. No other thread may hold a lock that `work` takes. May be called by several threads.
+std::optional<std::string> failure_in_trial(const std::function<void()>& work, unsigned seconds,
+                                            std::size_t memory);
+
+// Memory that a child process can write for its parent; zero at first. Throws std::bad_alloc.
+class SharedMemory {
+ public:
+  explicit SharedMemory(std::size_t bytes);
+  ~SharedMemory();
+  SharedMemory(const SharedMemory&) = delete;
+  SharedMemory& operator=(const SharedMemory&) = delete;
+  char* data() const { return static_cast<char*>(at_); }
+
+ private:
+  std::size_t bytes_;
+  void* at_;
+};
+
+}  // namespace toothprep
