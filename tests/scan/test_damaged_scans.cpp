@@ -40,7 +40,11 @@ std::vector<Outcome> outcomes(const std::vector<Damage>& damages, const fs::path
     const pid_t child = fork();
     if (child == 0) {
       const rlimit memory{kMostMemory, kMostMemory}, no_core{0, 0};
+#if !defined(__SANITIZE_ADDRESS__)  // whose own address space is beyond it
       setrlimit(RLIMIT_AS, &memory);
+#else
+      (void)memory;
+#endif
       setrlimit(RLIMIT_CORE, &no_core);
       std::FILE* results = std::fopen(log.c_str(), "wb");
       if (!results || !std::freopen(said.c_str(), "wb", stdout) ||

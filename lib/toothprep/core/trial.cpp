@@ -19,6 +19,9 @@ namespace {
 constexpr int kThrew = 1, kCrashed = 2;
 
 void limit_memory(std::size_t more) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  return;  // the sanitizer's own address space is beyond any limit
+#endif
   std::size_t pages = 0;
   if (!(std::ifstream("/proc/self/statm") >> pages)) return;
   const rlim_t limit = pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)) + more;

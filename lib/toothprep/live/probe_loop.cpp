@@ -1,0 +1,57 @@
+#include "toothprep/live/probe_loop.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "toothprep/live/tick_cost.h"
+
+namespace toothprep {
+
+ProbeLoop::ProbeLoop(const ForceLimits& limits, ForceLaw law, TickSink* sink)
+    : governor_(limits), law_(std::move(law)), sink_(sink), period_(limits.period) {}
+
+Vec3 ProbeLoop::tick(const DeviceReading& reading) {
+  const double from = thread_seconds();
+  LiveTick out;
+  note_reading(reading, out);
+  const Vec3& place = reading.hand.position;
+  if (steps_ == 0) last_place_ = place;
+  const double time = static_cast<double>(steps_++) * period_;
+  out.row.handle.time = time;
+  out.row.handle.pose = {place, reading.hand.orientation};
+  out.row.handle.buttons = 0;  // no bur runs
+  out.row.bur = out.row.handle.pose;
+  out.row.bur_velocity = (place - last_place_) / period_;
+  Vec3 force = law_(time, place, place - last_place_);
+  last_place_ = place;
+  out.row.device_force = force.allFinite() ? force : Vec3(Vec3::Zero());
+  if (reading.fault != DeviceFault::kNone) {
+    governor_.restart();
+    force.setZero();
+    out.flags |= kForceWithheld;
+  }
+  out.commanded_force = governor_.limit(force, out.flags);
+  out.step_seconds = thread_seconds() - from;
+  if (sink_) sink_->take(out);
+
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  told_steps_.store(steps_, kRelaxed);
+  force_.store(out.commanded_force.norm(), kRelaxed);
+  heat_.store(governor_.heat(), kRelaxed);
+  vibrates_.store(governor_.vibrates(), kRelaxed);
+  longest_.store(std::max(longest_.load(kRelaxed), out.step_seconds), kRelaxed);
+  return out.commanded_force;
+}
+
+LiveStatus ProbeLoop::status() const noexcept {
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  LiveStatus s;
+  s.steps = told_steps_.load(kRelaxed);
+  s.force = force_.load(kRelaxed);
+  s.heat = heat_.load(kRelaxed);
+  s.vibrates = vibrates_.load(kRelaxed);
+  s.longest_step = longest_.load(kRelaxed);
+  return s;
+}
+
+}  // namespace toothprep

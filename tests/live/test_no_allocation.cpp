@@ -1,0 +1,37 @@
+// The servo tick of a live session allocates nothing, counted as calls of operator new.
+#include <gtest/gtest.h>
+
+#include "../support/allocation_counter.h"
+#include "live_experiment.h"
+
+namespace toothprep::testing {
+namespace {
+
+TEST(NoAllocation, LiveTicksThatGrindAllocateNothing) {
+  SimulatedSettings settings;
+  settings.real_time = false;
+  settings.motion = hand_along(slot(2, 4));
+  SimulatedDevice device(settings);
+  Rows rows;
+  LiveLoop loop(no_watch(), {1, 2}, &rows);
+  device.start(loop);
+  device.run(1);
+  const DevicePose first = *loop.first_pose();
+  const HandleFrame frame(same_frame(), first.position, Vec3::Zero());
+  const Bur bur = paper_cylinder();
+  const LayeredTooth tooth = enamel_block();
+  Workpiece workpiece(tooth);
+  HandleSample at;
+  at.pose = frame.to_world(first.position, first.orientation);
+  Session session(bur, workpiece, preset_parameters("paper"), Drive::kCoupled, at);
+  loop.begin(session, frame, same_frame(), {}, 1e-3);
+  const long before = allocations;
+  device.run(3000);
+  EXPECT_EQ(allocations, before);
+  device.stop();
+  EXPECT_GT(session.totals().removed[0], 0.3);
+  EXPECT_EQ(rows.ticks.size(), 2999u);  // the last one waits for finish()
+}
+
+}  // namespace
+}  // namespace toothprep::testing
