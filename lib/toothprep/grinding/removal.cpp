@@ -110,6 +110,7 @@ void Removal::apply() noexcept {
       cut.put_brick(c.brick, c.values);
     else
       cut.put_constant(c.brick, Workpiece::kAllCut);
+    workpiece_.changed().mark(c.brick);
   }
   carved_.clear();
 }

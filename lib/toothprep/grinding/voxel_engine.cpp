@@ -172,6 +172,7 @@ void VoxelEngine::remove_at(const Pose& pose) noexcept {
         float* values = cut.writable_brick(brick, false);
         if (!values) continue;  // cannot happen: every brick with tissue has a place reserved
         values[brick_offset(x & 7, y & 7, z & 7)] = half;
+        workpiece_.changed().mark(brick);
         removed_[label - 1] += volume;
       }
 }
@@ -267,8 +268,11 @@ void VoxelEngine::redistance() noexcept {
         break;
       }
       if (!gone && distance == band && cut.is_uniform(b)) continue;
-      if (!values) values = cut.writable_brick(b, false);
-      if (!values) break;
+      if (!values) {
+        values = cut.writable_brick(b, false);
+        if (!values) break;
+        workpiece_.changed().mark(b);
+      }
       values[v] = gone ? distance : -distance;
     }
   }

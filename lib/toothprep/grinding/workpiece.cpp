@@ -67,6 +67,7 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
   // A cut carves the bricks of one head, a few thousand at the finest voxels.
   spare_bricks_ = std::min<std::size_t>(not_void, kMostSpareBricks);
   cut_.reserve(not_void + spare_bricks_);
+  changed_ = ChangedBricks(cut_.table_size());
 
   // Per brick: a bit for each label in it, and whether it is inside as a whole.
   std::vector<std::uint8_t> present(solid.table_size(), 0);

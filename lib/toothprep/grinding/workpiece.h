@@ -10,6 +10,7 @@
 #include <array>
 #include <vector>
 
+#include "toothprep/grinding/changed_bricks.h"
 #include "toothprep/tooth/layered_tooth.h"
 
 namespace toothprep {
@@ -29,7 +30,11 @@ class Workpiece {
   // Bricks that can be carved apart before they are put in place, beyond those that tissue takes.
   std::size_t spare_bricks() const { return spare_bricks_; }
   const LevelSet& cut() const { return cut_; }
+  // Whoever writes into the cut marks the brick in changed().
   LevelSet& cut() { return cut_; }
+  // Bricks of the cut that changed since they were last taken, for a display.
+  const ChangedBricks& changed() const { return changed_; }
+  ChangedBricks& changed() { return changed_; }
 
   // Labels, extended two voxels into the air beside the surface (nearest tissue), so that a
   // boundary voxel whose centre lies outside still tells its tissue.
@@ -54,6 +59,7 @@ class Workpiece {
   const LayeredTooth& tooth_;
   float band_;
   LevelSet cut_;
+  ChangedBricks changed_;
   std::size_t spare_bricks_;
   LabelGrid labels_;
   std::vector<CellsOfBrick> cells_;

@@ -8,84 +8,42 @@
 #include <cmath>
 #include <cstdint>
 
+#include "toothprep/tooth/cell_cases.h"
+
 namespace toothprep {
 namespace {
 
 using Vec3f = Eigen::Vector3f;
 
-// A cell's corner c stands at (c & 1, c >> 1 & 1, c >> 2). Edges run along x, y, z from lower
-// corners.
-struct Edge {
-  int from, to;
-};
-constexpr std::array<Edge, 12> kEdges = {{{0, 1},
-                                          {2, 3},
-                                          {4, 5},
-                                          {6, 7},
-                                          {0, 2},
-                                          {1, 3},
-                                          {4, 6},
-                                          {5, 7},
-                                          {0, 4},
-                                          {1, 5},
-                                          {2, 6},
-                                          {3, 7}}};
-constexpr std::array<std::array<int, 4>, 6> kFaces = {
-    {{0, 1, 3, 2}, {4, 5, 7, 6}, {0, 1, 5, 4}, {2, 3, 7, 6}, {0, 2, 6, 4}, {1, 3, 7, 5}}};
-
-int edge_between(int a, int b) {
-  for (int e = 0; e < 12; ++e)
-    if ((kEdges[e].from == a && kEdges[e].to == b) || (kEdges[e].from == b && kEdges[e].to == a))
-      return e;
-  return -1;
-}
-
-// The triangles of each of the 256 sign patterns, as triples of edges. They are derived rather than
-// listed: on every face of the cell the surface is one segment, or two that cut off the inside
-// corners one by one; the segments close to loops, and each loop is a fan.
-struct CellCases {
+// The triangles of each of the 256 sign patterns, as triples of edges, which run from a lower
+// corner along an axis (edge / 4): the loops of the shared cases, each a fan from its first edge.
+struct FlatCases {
+  std::array<int, 12> from{}, to{};  // corners of an edge
   std::array<std::uint8_t, 256> triangles{};
   std::array<std::array<std::uint8_t, 30>, 256> edges{};
 
-  CellCases() {
+  FlatCases() {
+    const CellCases& shared = cell_cases();
+    for (int e = 0; e < 12; ++e) {
+      from[e] = shared.edges[e].base;
+      to[e] = shared.edges[e].base | 1 << shared.edges[e].axis;
+    }
     for (int inside = 0; inside < 256; ++inside) {
-      std::array<std::array<int, 2>, 12> next{};  // the two edges that follow an edge
-      std::array<int, 12> degree{};
-      const auto join = [&](int a, int b) {
-        next[a][degree[a]++] = b;
-        next[b][degree[b]++] = a;
-      };
-      const auto in = [inside](int corner) { return (inside >> corner & 1) != 0; };
-      for (const auto& face : kFaces) {
-        std::array<int, 4> crossing{};
-        int crossings = 0;
-        for (int s = 0; s < 4; ++s)
-          if (in(face[s]) != in(face[(s + 1) % 4]))
-            crossing[crossings++] = edge_between(face[s], face[(s + 1) % 4]);
-        if (crossings == 2) join(crossing[0], crossing[1]);
-        if (crossings == 4)
-          for (int s = 0; s < 4; ++s)
-            if (in(face[s]))
-              join(edge_between(face[s], face[(s + 1) % 4]),
-                   edge_between(face[s], face[(s + 3) % 4]));
-      }
-      std::array<bool, 12> done{};
-      for (int start = 0; start < 12; ++start) {
-        if (degree[start] != 2 || done[start]) continue;
-        std::array<int, 12> loop{};
-        int length = 0, previous = -1, e = start;
-        do {
-          loop[length++] = e;
-          done[e] = true;
-          const int step = next[e][0] != previous ? next[e][0] : next[e][1];
-          previous = e;
-          e = step;
-        } while (e != start && length < 12);
+      const CellCase& cell = shared.cases[inside];
+      for (int l = 0; l < cell.loops; ++l) {
+        std::array<std::uint8_t, 7> loop = cell.loop[l].edge;
+        const int length = cell.loop[l].size;
+        // Which way a loop is walked decides the last bit of a distance. Here its second edge is
+        // the one that shares with the first the face across the higher axis.
+        const CellEdge &first = shared.edges[loop[0]], &second = shared.edges[loop[1]];
+        const int across = first.axis == 2 ? 1 : 2;
+        if (second.axis == across || ((first.base ^ second.base) >> across & 1))
+          std::reverse(loop.begin() + 1, loop.begin() + length);
         for (int t = 1; t + 1 < length; ++t) {
           auto* triple = &edges[inside][3 * triangles[inside]++];
-          triple[0] = static_cast<std::uint8_t>(loop[0]);
-          triple[1] = static_cast<std::uint8_t>(loop[t]);
-          triple[2] = static_cast<std::uint8_t>(loop[t + 1]);
+          triple[0] = loop[0];
+          triple[1] = loop[t];
+          triple[2] = loop[t + 1];
         }
       }
     }
@@ -156,7 +114,7 @@ struct Triangle {
 }  // namespace
 
 std::vector<float> iso_distance(const Index3& size, const std::vector<float>& field, float band) {
-  static const CellCases cases;
+  static const FlatCases cases;
   const int nx = size.x(), ny = size.y(), nz = size.z();
   const std::size_t row = static_cast<std::size_t>(nx), plane = row * static_cast<std::size_t>(ny);
   const std::array<std::size_t, 8> corner = {0,     1,         row,         row + 1,
@@ -187,7 +145,7 @@ std::vector<float> iso_distance(const Index3& size, const std::vector<float>& fi
           if (count == 0) continue;
           std::array<Vec3f, 12> point;
           for (int e = 0; e < 12; ++e) {
-            const auto [from, to] = kEdges[e];
+            const int from = cases.from[e], to = cases.to[e];
             if ((inside >> from & 1) == (inside >> to & 1)) continue;
             const float fa = f[corner[from]], fb = f[corner[to]];
             point[e] = Vec3f(from & 1, from >> 1 & 1, from >> 2);
