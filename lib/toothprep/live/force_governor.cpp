@@ -81,13 +81,13 @@ Vec3 ForceGovernor::limit(const Vec3& force, std::uint32_t& flags) noexcept {
                         cold * std::max(0.0, limits_.max_force - limits_.continuous_force);
     if (at_most(most)) flags |= kForceHeatLimited;
   }
+  watch(out);
   const Vec3 change = out - last_;
   const double most_change = limits_.max_force_rate * limits_.period;
   if (change.norm() > most_change) {
     out = last_ + change * (most_change / change.norm());
     flags |= kForceRateLimited;
   }
-  watch(out);
   if (vibrates_) {
     out.setZero();
     flags |= kForceWithheld;

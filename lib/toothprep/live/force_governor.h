@@ -1,6 +1,6 @@
 // What a live session does to a force before the device gets it, tick by tick:
 //
-//   finite?  -> ramp-in -> heat limit -> magnitude limit -> rate limit -> device
+//   finite?  -> ramp-in -> magnitude limit -> heat limit -> rate limit -> device
 //                                                        -> vibration watch
 //
 //   F' = s F                           s grows from 0 to 1 over `ramp` from the start
@@ -15,11 +15,12 @@
 // The vibration watch tells an unstable loop from grinding: the running RMS, over about 0.1 s, of
 // the force above 20 Hz (a first-order high-pass). A force that rises by 3 N within one tick and
 // stays gives 0.6 N for a moment; a loop at its limit cycle gives several N for good. Above
-// `vibration_limit` for `vibration_time` the session has to stop: every later force is zero.
+// `vibration_limit` for `vibration_time` the session has to stop: every later force is zero. It
+// looks at the force before the rate limit, which would turn an unstable loop into a rattling one.
 //
 //   symbol   here                  unit    default
 //   F_max    max_force             N       the device's
-//   R        max_force_rate        N/s     1000 (1 N per tick at 1 kHz)
+//   R        max_force_rate        N/s     3000 (3 N per tick at 1 kHz)
 //   F_cont   continuous_force      N       the device's
 //   tau      thermal_time          s       10, assumed: no data sheet gives it
 //   T        period                s       1/rate
@@ -34,7 +35,7 @@ namespace toothprep {
 struct ForceLimits {
   double period = 1e-3;
   double max_force = 3.3;
-  double max_force_rate = 1000;
+  double max_force_rate = 3000;
   double continuous_force = 0.88;
   double thermal_time = 10;
   double ramp = 0.25;            // s

@@ -1,6 +1,14 @@
 #include "toothprep/live/live_watch.h"
 
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <thread>
 
 #include "toothprep/core/errors.h"
@@ -14,6 +22,52 @@ constexpr double kTellEvery = 0.25;  // s
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+constexpr int kPriority = 80;  // below the kernel's own real-time threads
+
+// The servo's thread may be the driver's, so its priority is asked for from within the first tick.
+class RealTimeClient final : public ServoClient {
+ public:
+  RealTimeClient(ServoClient& inner, bool wanted) : inner_(inner), asked_(!wanted) {}
+
+  Vec3 tick(const DeviceReading& reading) override {
+    if (!asked_) {
+      asked_ = true;
+      sched_param parameter{};
+      parameter.sched_priority = kPriority;
+      const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
+      answer_.store(error, std::memory_order_release);
+    }
+    return inner_.tick(reading);
+  }
+
+  // Empty until it is known; -1 stands for that.
+  std::string scheduling() const {
+    const int answer = answer_.load(std::memory_order_acquire);
+    if (answer < 0) return {};
+    if (answer == 0)
+      return "servo at real-time priority (SCHED_FIFO " + std::to_string(kPriority) + ")";
+    return std::string("servo at normal priority: SCHED_FIFO was refused (") +
+           std::strerror(answer) +
+           "); give the user real-time rights (rtprio in /etc/security/limits.d)";
+  }
+
+ private:
+  ServoClient& inner_;
+  bool asked_;
+  std::atomic<int> answer_ = -1;
+};
+
+// Pages that are not there when a tick needs them cost milliseconds.
+std::string locked_memory() {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  // With a limit, locking what comes later would make allocations fail.
+  const int what = limit.rlim_cur == RLIM_INFINITY ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT;
+  if (mlockall(what) == 0) return "memory locked";
+  return std::string("memory not locked (") + std::strerror(errno) +
+         "); raise memlock in /etc/security/limits.d";
 }
 
 // Zero force on every way out.
@@ -46,11 +100,17 @@ class Watcher {
   }
 
   // Until something ends it.
-  void watch_over(const std::function<LiveStatus()>& status, LiveEnd& end) const {
+  void watch_over(const RealTimeClient& client, const std::function<LiveStatus()>& status,
+                  LiveEnd& end) const {
     const auto began = Clock::now();
     double told = -kTellEvery;
+    bool scheduling_told = !watch_.real_time || !watch_.tell_scheduling;
     for (;;) {
       const double now = seconds_since(began);
+      if (!scheduling_told && !client.scheduling().empty()) {
+        scheduling_told = true;
+        watch_.tell_scheduling(client.scheduling());
+      }
       if (device_failed(end) || asked(end)) return;
       if (status().vibrates) {
         end.reason =
@@ -80,10 +140,12 @@ class Watcher {
 LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& registration,
                  const std::optional<Vec3>& start, double time_step,
                  const std::function<Session&(const Pose&)>& make_session, const LiveWatch& watch) {
-  const Stop stop{device};
   const Watcher watcher(device, watch);
   LiveEnd end;
-  device.start(loop);
+  RealTimeClient client(loop, watch.real_time);
+  const Stop stop{device};
+  if (watch.real_time && watch.tell_scheduling) watch.tell_scheduling(locked_memory());
+  device.start(client);
   const auto started = Clock::now();
   while (!loop.first_pose()) {
     if (watcher.device_failed(end) || watcher.asked(end)) return end;
@@ -95,7 +157,8 @@ LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& regis
   const HandleFrame frame(registration, first.position, start.value_or(Vec3::Zero()));
   Session& session = make_session(frame.to_world(first.position, first.orientation));
   loop.begin(session, frame, registration, start, time_step);
-  watcher.watch_over([&] { return loop.status(); }, end);
+  watcher.watch_over(
+      client, [&] { return loop.status(); }, end);
   device.stop();
   end.device = device.status();
   loop.finish();
@@ -103,11 +166,14 @@ LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& regis
 }
 
 LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch) {
-  const Stop stop{device};
   const Watcher watcher(device, watch);
   LiveEnd end;
-  device.start(loop);
-  watcher.watch_over([&] { return loop.status(); }, end);
+  RealTimeClient client(loop, watch.real_time);
+  const Stop stop{device};
+  if (watch.real_time && watch.tell_scheduling) watch.tell_scheduling(locked_memory());
+  device.start(client);
+  watcher.watch_over(
+      client, [&] { return loop.status(); }, end);
   device.stop();
   end.device = device.status();
   return end;
