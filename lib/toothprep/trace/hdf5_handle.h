@@ -1,20 +1,21 @@
-// HDF5's ids as values that close themselves, its error stack kept quiet, and typed reads that look
-// at size and type before they allocate. Only this room sees hdf5.h.
+// HDF5's ids as values that close themselves, its error stack kept quiet, and one thread at a time.
+// No header of this room shows hdf5.h, so no other room sees it.
 #pragma once
 
-#include <hdf5.h>
-
+#include <cstdint>
+#include <mutex>
 #include <utility>
 
 namespace toothprep::h5 {
+
+using Id = std::int64_t;  // hid_t
 
 // Owns one id; `close` is the H5?close of its kind.
 class Handle {
  public:
   Handle() = default;
-  Handle(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
-  Handle(Handle&& other) noexcept
-      : id_(std::exchange(other.id_, H5I_INVALID_HID)), close_(other.close_) {}
+  Handle(Id id, int (*close)(Id)) : id_(id), close_(close) {}
+  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, kNone)), close_(other.close_) {}
   Handle& operator=(Handle&& other) noexcept {
     std::swap(id_, other.id_);
     std::swap(close_, other.close_);
@@ -22,36 +23,36 @@ class Handle {
   }
   ~Handle() { reset(); }
 
-  hid_t get() const { return id_; }
+  Id get() const { return id_; }
   explicit operator bool() const { return id_ >= 0; }
   bool reset() {  // false if closing failed: what was to be written is not
-    const hid_t id = std::exchange(id_, H5I_INVALID_HID);
+    const Id id = std::exchange(id_, kNone);
     return id < 0 || close_(id) >= 0;
   }
 
  private:
-  hid_t id_ = H5I_INVALID_HID;
-  herr_t (*close_)(hid_t) = nullptr;
+  static constexpr Id kNone = -1;
+  Id id_ = kNone;
+  int (*close_)(Id) = nullptr;
 };
 
-// While it lives, HDF5 prints nothing on stderr. Nor at exit: the first one also switches off
-// HDF5's own clean-up, which complains about objects of damaged files (every Handle has closed its
-// own by then).
+// While it lives, HDF5 prints nothing on stderr (from this thread). Nor at exit: the first one also
+// switches off HDF5's own clean-up, which complains about objects of damaged files (every Handle
+// has closed its own by then).
 class Quiet {
  public:
-  Quiet() {
-    static const herr_t once = H5dont_atexit();
-    static_cast<void>(once);
-    H5Eget_auto2(H5E_DEFAULT, &function_, &data_);
-    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
-  }
-  ~Quiet() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
+  Quiet();
+  ~Quiet();
   Quiet(const Quiet&) = delete;
   Quiet& operator=(const Quiet&) = delete;
 
  private:
-  H5E_auto2_t function_ = nullptr;
+  int (*function_)(Id, void*) = nullptr;
   void* data_ = nullptr;
 };
+
+// Keeps other threads out of HDF5, which lets in one at a time anyway, and must be free when a
+// process is copied (read_with_care). Whoever calls HDF5 holds it.
+std::unique_lock<std::mutex> lock_hdf5();
 
 }  // namespace toothprep::h5

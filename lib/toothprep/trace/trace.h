@@ -39,7 +39,8 @@ void write_trace(const Trace& trace, const std::string& path);
 // missing, of wrong shape or type, claiming more than kMostSamples rows, in another unit, not
 // finite. The unit is required for time, positions and forces. /handle/buttons (absent: always on),
 // /contact/shank_area and /force/measured may be absent; a tissue that `tissues` doesn't name has
-// zeros.
+// zeros. Of a live recording that is being written or was cut off: the rows up to the last flush,
+// the audit NaN.
 Trace read_trace(const std::string& path);
 
 // Whether an HDF5 file says that it is a trace (root attribute `schema`). Throws InputError if it

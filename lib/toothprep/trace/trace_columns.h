@@ -9,7 +9,7 @@
 
 namespace toothprep {
 
-enum class Storage { kDouble, kUint32, kUint8 };
+enum class Storage { kDouble, kUint32, kUint8, kInt32, kInt64 };
 
 struct TraceColumn {
   const char* dataset;
