@@ -23,6 +23,8 @@ void add_replay(CLI::App& app, const Common& common);
 void add_export(CLI::App& app, const Common& common);
 void add_mesh(CLI::App& app, const Common& common);
 void add_figures(CLI::App& app, const Common& common);
+void add_rig_check(CLI::App& app, const Common& common);
+void add_live(CLI::App& app, const Common& common);
 
 // A line of talk on stderr, unless --quiet.
 void say(const Common& common, const std::string& line);

@@ -6,12 +6,12 @@
 
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "session_options.h"
 #include "toothprep/bur/bur_library.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/core/hash.h"
@@ -27,33 +27,10 @@ namespace {
 constexpr double kFarFromTooth = 5.0;  // mm
 
 struct Options {
-  std::string tooth, trajectory, bur, output, prepared, params;
-  std::string preset, drive = "coupled", engine;
-  std::optional<double> stiffness, damping, rotation_rate, stall_torque, time_step;
+  SessionOptions session;
+  std::string trajectory, output, prepared;
   bool force = false, json = false, strict = false, allow_gaps = false;
 };
-
-Trajectory load_trajectory(const std::string& path) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  if (extension == ".toml") return read_script(path);
-  if (extension == ".csv") return read_csv_trajectory(path);
-  if (extension == ".h5" || extension == ".hdf5") return read_h5_trajectory(path);
-  throw InputError(path, "", "not a trajectory by its name", "use .toml, .csv or .h5");
-}
-
-Parameters load_parameters(const Options& o) {
-  const std::string preset = o.preset.empty() ? "paper" : o.preset;
-  Parameters p = o.params.empty() ? preset_parameters(preset) : read_parameters(o.params, preset);
-  if (!o.engine.empty())
-    p.engine = o.engine == "voxel" ? EngineKind::kVoxel : EngineKind::kLevelset;
-  if (o.stiffness) p.coupling.stiffness = *o.stiffness;
-  if (o.damping) p.coupling.damping = *o.damping;
-  if (o.rotation_rate) p.handpiece.rotation_rate = *o.rotation_rate;
-  if (o.stall_torque) p.handpiece.stall_torque = *o.stall_torque;
-  if (o.time_step) p.time_step = *o.time_step;
-  validate(p);
-  return p;
-}
 
 nlohmann::ordered_json report_json(const ReplayResult& r, const Trace& trace, const Options& o) {
   nlohmann::ordered_json j;
@@ -88,25 +65,17 @@ nlohmann::ordered_json report_json(const ReplayResult& r, const Trace& trace, co
   return j;
 }
 
-std::string format(const char* pattern, auto... values) {
-  const int n = std::snprintf(nullptr, 0, pattern, values...);
-  std::string text(static_cast<std::size_t>(n) + 1, '\0');
-  std::snprintf(text.data(), text.size(), pattern, values...);
-  text.pop_back();
-  return text;
-}
-
 void run(const Options& o, const Common& common) {
   OutputFile output(o.output, o.force);
   std::unique_ptr<OutputFile> prepared;
   if (!o.prepared.empty()) prepared = std::make_unique<OutputFile>(o.prepared, o.force);
 
-  const Parameters parameters = load_parameters(o);
-  const Bur bur = make_bur(o.bur, data_folder() + "/burs");
+  const Parameters parameters = load_parameters(o.session);
+  const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
   const Trajectory trajectory = load_trajectory(o.trajectory);
   const std::vector<HandleSample> path =
       resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
-  LayeredTooth tooth = read_tooth(o.tooth);
+  LayeredTooth tooth = read_tooth(o.session.tooth);
 
   const double distance = distance_to_tooth(path, bounds_of_solid(tooth));
   if (distance > kFarFromTooth) {
@@ -121,20 +90,20 @@ void run(const Options& o, const Common& common) {
   trace.parameters_toml = to_toml(parameters);
   trace.tooth_sha256 = tooth_sha256(tooth);
   trace.toothprep_version = kVersion;
-  trace.bur = o.bur;
-  trace.drive = o.drive;
-  trace.engine = parameters.engine == EngineKind::kLevelset ? "levelset" : "voxel";
+  trace.bur = o.session.bur;
+  trace.drive = o.session.drive;
+  trace.engine = engine_name(parameters);
 
   Workpiece workpiece(tooth);
   const bool terminal = !common.quiet && isatty(2);
-  const ReplayResult r = replay(
-      bur, workpiece, parameters, o.drive == "direct" ? Drive::kDirect : Drive::kCoupled, path,
-      terminal ? std::function<void(double)>([last = -1](double done) mutable {
-        if (static_cast<int>(done * 100) == last) return;
-        last = static_cast<int>(done * 100);
-        std::fprintf(stderr, "\rreplay %3d %%", last);
-      })
-               : std::function<void(double)>());
+  const ReplayResult r =
+      replay(bur, workpiece, parameters, drive_of(o.session), path,
+             terminal ? std::function<void(double)>([last = -1](double done) mutable {
+               if (static_cast<int>(done * 100) == last) return;
+               last = static_cast<int>(done * 100);
+               std::fprintf(stderr, "\rreplay %3d %%", last);
+             })
+                      : std::function<void(double)>());
   if (terminal) std::fprintf(stderr, "\r            \r");
 
   trace.rows = r.rows;
@@ -181,44 +150,17 @@ void run(const Options& o, const Common& common) {
   if (o.json) std::cout << report_json(r, trace, o).dump(2) << '\n';
 }
 
-void print_library() {
-  for (const LibraryEntry& entry : list_library(data_folder() + "/burs"))
-    std::cout << format("%-16s %-38s %s\n", entry.name.c_str(), entry.shape.c_str(),
-                        entry.description.c_str());
-  std::cerr << "Dimensions in mm; where each comes from stands in " << data_folder()
-            << "/burs/library.toml\n";
-}
-
 }  // namespace
 
 void add_replay(CLI::App& app, const Common& common) {
   auto o = std::make_shared<Options>();
   CLI::App* sub = app.add_subcommand(
       "replay", "Runs a trajectory through force, coupling, stall and removal; writes a trace");
-  // Required ones are checked in the callback, so that `replay --bur list` works alone.
-  sub->add_option("--tooth", o->tooth, "Layered tooth (.vdb), required");
+  add_session_options(*sub, o->session);
   sub->add_option("--trajectory", o->trajectory,
                   "Handle's motion: script .toml, .csv, or .h5; required");
-  sub->add_option("--bur", o->bur,
-                  "cylinder:D1.2xL3.0, ball:D1.2, a name of the library, or a profile file; 'list' "
-                  "prints the library")
-      ->required();
   sub->add_option("-o,--output", o->output, "Trace to write (.h5), required");
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
-  sub->add_option("--drive", o->drive, "coupled: by the virtual spring; direct: imposed motion")
-      ->check(CLI::IsMember({"coupled", "direct"}))
-      ->capture_default_str();
-  sub->add_option("--engine", o->engine, "levelset or voxel (default: the parameters')")
-      ->check(CLI::IsMember({"levelset", "voxel"}));
-  sub->add_option("--params", o->params, "Parameter file (.toml)");
-  sub->add_option("--preset", o->preset, "paper (default) or physical, under the parameter file")
-      ->check(CLI::IsMember({"paper", "physical"}));
-  sub->add_option("--stiffness-n-per-mm", o->stiffness, "Coupling stiffness, over the file's");
-  sub->add_option("--damping-n-s-per-mm", o->damping, "Coupling damping, over the file's");
-  sub->add_option("--rotation-rate-rev-s", o->rotation_rate, "Rotation rate N, over the file's");
-  sub->add_option("--stall-torque-mnm", o->stall_torque,
-                  "Stall torque (inf: none), over the file's");
-  sub->add_option("--time-step-s", o->time_step, "Step, over the file's");
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");
   sub->add_flag("--strict", o->strict, "A path far from the tooth is an error");
   sub->add_flag("--json", o->json, "Figures of the run as JSON on stdout");
@@ -228,8 +170,9 @@ void add_replay(CLI::App& app, const Common& common) {
       "data/trajectories/class1-molar.toml\n"
       "         --bur cylinder:D1.2xL3.0 --prepared prepared.vdb -o trace.h5");
   sub->callback([o, &common] {
-    if (o->bur == "list") return print_library();
-    if (o->tooth.empty()) throw CLI::RequiredError("--tooth");
+    if (o->session.bur == "list") return print_bur_library();
+    if (o->session.bur.empty()) throw CLI::RequiredError("--bur");
+    if (o->session.tooth.empty()) throw CLI::RequiredError("--tooth");
     if (o->trajectory.empty()) throw CLI::RequiredError("--trajectory");
     if (o->output.empty()) throw CLI::RequiredError("--output");
     run(*o, common);

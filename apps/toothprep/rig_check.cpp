@@ -1,0 +1,151 @@
+// toothprep rig-check: a recorded live session judged line by line.
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+
+#include "command.h"
+#include "toothprep/bur/bur_library.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/recording/session_file.h"
+#include "toothprep/rig/rig_report.h"
+#include "toothprep/session/replay.h"
+#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/version.h"
+
+namespace toothprep::app {
+namespace {
+
+struct Options {
+  std::string session, tooth, limits, output, report;
+  bool json = false, force = false, strict = false, no_plots = false;
+};
+
+void write_text(const std::string& text, const std::string& path) {
+  std::ofstream out(path, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw Error(path + ": cannot be written");
+}
+
+Measured<std::vector<StepRecord>> replay_of(const SessionRecording& recording, const Options& o,
+                                            const Common& common) {
+  using Rows = Measured<std::vector<StepRecord>>;
+  if (o.tooth.empty()) return Rows::no("no tooth was given (--tooth)");
+  if (const std::string reason = unreplayable(recording); !reason.empty()) return Rows::no(reason);
+  if (!recording.header.protocol.empty()) return Rows::no("an active check renders no tooth");
+  const Trace& trace = recording.header.trace;
+  LayeredTooth tooth = read_tooth(o.tooth);
+  if (tooth_sha256(tooth) != trace.tooth_sha256)
+    throw InputError(o.tooth, "", "is not the tooth that the session was recorded with",
+                     "give that one, or leave --tooth out");
+  const Parameters parameters = parse_parameters(trace.parameters_toml, o.session + ": parameters");
+  const Bur bur = make_bur(trace.bur, data_folder() + "/burs");
+  std::vector<HandleSample> path;
+  path.reserve(trace.rows.size());
+  for (const StepRecord& row : trace.rows) path.push_back(row.handle);
+  Workpiece workpiece(tooth);
+  const bool terminal = !common.quiet && isatty(2);
+  const Drive drive = trace.drive == "direct" ? Drive::kDirect : Drive::kCoupled;
+  ReplayResult result = replay(bur, workpiece, parameters, drive, path, [&](double done) {
+    if (terminal) std::fprintf(stderr, "\rreplay %3d %%", static_cast<int>(done * 100));
+  });
+  if (terminal) std::fprintf(stderr, "\r            \r");
+  return std::move(result.rows);
+}
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+void print_lines(const RigReport& report, const Common& common) {
+  for (const RigLine& line : report.lines) {
+    if (!line.limit) continue;
+    const std::string limit = (line.limit->min ? " >= " + number(*line.limit->min) : "") +
+                              (line.limit->max ? " <= " + number(*line.limit->max) : "");
+    char text[256];
+    std::snprintf(text, sizeof text, "%-12s %-32s %10s  %s", name_of(line.verdict),
+                  line.figure->key, line.value ? number(*line.value).c_str() : "-",
+                  line.value ? ("limit" + limit).c_str() : line.why_not.c_str());
+    say(common, text);
+  }
+}
+
+void run(const Options& o, const Common& common) {
+  std::unique_ptr<OutputFile> output, folder;
+  if (!o.output.empty()) output = std::make_unique<OutputFile>(o.output, o.force);
+  if (!o.report.empty())
+    folder = std::make_unique<OutputFile>(o.report, o.force, true, "report.json");
+  const std::string script = "plot-rig-check";
+  if (folder && !o.no_plots && !run_script(script, {"--check"}))
+    throw Error(script +
+                " cannot run; install python3-numpy and python3-matplotlib, or give --no-plots");
+
+  const RigLimits limits =
+      read_rig_limits(o.limits.empty() ? data_folder() + "/rig/limits.toml" : o.limits);
+  const SessionRecording recording = read_session(o.session);
+  RigReport report;
+  try {
+    check_recording(recording);
+    report = check_rig(recording, limits, replay_of(recording, o, common));
+  } catch (const InputError&) {
+    throw;
+  } catch (const Error& e) {
+    throw InputError(o.session, "", e.what());
+  }
+
+  const std::string json = report_json(
+      report, recording, std::filesystem::path(o.session).filename().string(), kVersion);
+  if (output) {
+    write_text(json, output->temporary());
+    output->commit();
+  }
+  if (folder) {
+    write_text(json, folder->temporary() + "/report.json");
+    write_plot_data(report, recording, folder->temporary());
+    if (!o.no_plots && !run_script(script, {folder->temporary()})) throw Error(script + " failed");
+    folder->commit();
+  }
+  if (o.json) std::cout << json;
+
+  print_lines(report, common);
+  char text[160];
+  std::snprintf(text, sizeof text, "%s: %d limits kept, %d not, %d not measured",
+                name_of(report.overall), report.passed, report.failed, report.not_measured);
+  say(common, text);
+  if (o.strict && report.failed > 0)
+    throw Error(o.session + ": " + std::to_string(report.failed) + " of " +
+                std::to_string(report.passed + report.failed) + " limits are not kept (--strict)");
+}
+
+}  // namespace
+
+void add_rig_check(CLI::App& app, const Common& common) {
+  auto o = std::make_shared<Options>();
+  CLI::App* sub = app.add_subcommand(
+      "rig-check",
+      "Judges a rig by a session that `toothprep live` recorded on it: timing, encoders, forces,\n"
+      "energy, stability, heat, replay, each figure against a limit. A failed limit is no failure\n"
+      "of the command, but with --strict");
+  sub->add_option("session", o->session, "Recording of a live session (.h5)")->required();
+  sub->add_option("--tooth", o->tooth,
+                  "Tooth (.vdb) of the session: also replays it and compares the forces");
+  sub->add_option("--limits", o->limits,
+                  "Limits and table of devices (default: data/rig/limits.toml; copy and change)");
+  sub->add_option("-o,--output", o->output, "Report to write (.json)");
+  sub->add_option("--report", o->report, "Folder to make: report.json, tables, page.png, page.pdf");
+  sub->add_flag("--no-plots", o->no_plots, "No page, only report.json and the tables");
+  sub->add_flag("--strict", o->strict, "Exit 1 if a figure is beyond its limit");
+  sub->add_flag("--json", o->json, "The report on stdout");
+  sub->add_flag("--force", o->force, "Replace existing outputs");
+  sub->footer("Example: toothprep rig-check session.h5 --tooth molar.vdb --report rig");
+  sub->callback([o, &common] { run(*o, common); });
+}
+
+}  // namespace toothprep::app

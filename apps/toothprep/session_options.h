@@ -1,0 +1,43 @@
+// The options of what steps a session, replayed or live: tooth, bur, parameters.
+#pragma once
+
+#include <cstdio>
+#include <optional>
+#include <string>
+
+#include "command.h"
+#include "toothprep/core/parameters.h"
+#include "toothprep/trajectory/trajectory.h"
+
+namespace toothprep::app {
+
+struct SessionOptions {
+  std::string tooth, bur, params, preset, drive = "coupled", engine;
+  std::optional<double> stiffness, damping, rotation_rate, stall_torque, time_step;
+};
+
+// None is required by the parser but checked by the command, so that `--bur list` works alone.
+void add_session_options(CLI::App& sub, SessionOptions& options);
+
+// Preset, file and flags, each over the one before; validated.
+Parameters load_parameters(const SessionOptions& options);
+
+Drive drive_of(const SessionOptions& options);
+const char* engine_name(const Parameters& parameters);
+
+// A script (.toml), .csv or .h5, by its name.
+Trajectory load_trajectory(const std::string& path);
+
+// On stdout.
+void print_bur_library();
+
+// printf into a string.
+std::string format(const char* pattern, auto... values) {
+  const int n = std::snprintf(nullptr, 0, pattern, values...);
+  std::string text(static_cast<std::size_t>(n) + 1, '\0');
+  std::snprintf(text.data(), text.size(), pattern, values...);
+  text.pop_back();
+  return text;
+}
+
+}  // namespace toothprep::app

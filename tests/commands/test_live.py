@@ -1,0 +1,160 @@
+"""live and its recording, on the simulated device and on the stand-in for the vendor's library: a session that a replay
+repeats to the bit, every fault and signal with zero force and a readable file, and a program that is killed.
+
+Usage: test_live.py BINARY STAND_IN_LIBHD
+"""
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+BINARY, LIBHD = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
+BUR = "cylinder:D1.2xL3.0"
+HAND = """start_mm = [0, 2, -3.4]
+axis = [0, 1, 0]
+[[segment]]
+kind = "line"
+to_mm = [0, -1, -3.4]
+speed_mm_s = 8
+[[segment]]
+kind = "line"
+to_mm = [0, -1, 3]
+speed_mm_s = 2
+"""
+
+
+class Live(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="toothprep-live-")
+        with open(cls.path("hand.toml"), "w") as f:
+            f.write(HAND)
+        cls.ok("specimen", "block", "-o", "block.vdb", "--size-mm", "4", "--enamel-mm", "2")
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder, name)
+
+    @classmethod
+    def start(cls, *args, settings=""):
+        environment = {**os.environ, "TOOTHPREP_LIBHD": LIBHD, "TOOTHPREP_STANDIN_SET": settings}
+        return subprocess.Popen([BINARY, *args], cwd=cls.folder, env=environment, stdout=subprocess.PIPE,
+                                stderr=subprocess.PIPE, text=True)
+
+    @classmethod
+    def run_tool(cls, *args, settings=""):
+        process = cls.start(*args, settings=settings)
+        out, error = process.communicate(timeout=60)
+        return process.returncode, out, error
+
+    @classmethod
+    def ok(cls, *args, settings=""):
+        status, out, error = cls.run_tool(*args, settings=settings)
+        assert status == 0, f"{args}: {status}\n{error}"
+        return out
+
+    def session(self, name, *args, settings=""):
+        return self.run_tool("live", "--tooth", "block.vdb", "--bur", BUR, "-o", name, *args, settings=settings)
+
+    def rows(self, name):
+        return json.loads(self.ok("info", name, "--json"))["rows"]
+
+    def assert_replay_is_the_same(self, name):
+        self.ok("replay", "--tooth", "block.vdb", "--bur", BUR, "--trajectory", name, "-o", "again.h5", "--force")
+        self.ok("export", name, "-o", "a.csv", "--force")
+        self.ok("export", "again.h5", "-o", "b.csv", "--force")
+        with open(self.path("a.csv")) as a, open(self.path("b.csv")) as b:
+            self.assertEqual(a.read(), b.read())
+
+    def test_a_session_is_recorded_and_replayed_to_the_bit(self):
+        status, out, error = self.session("s.h5", "--hand", "hand.toml", "--duration-s", "3", "--json", "--prepared",
+                                          "p.vdb", "--display-hz", "30")
+        self.assertEqual(status, 0, error)
+        figures = json.loads(out)
+        self.assertEqual(figures["end_reason"], "duration")
+        self.assertGreater(figures["ticks"], 1000)  # a busy machine loses some
+        self.assertGreater(json.loads(self.ok("info", "s.h5", "--json"))["removed_mm3"]["enamel"], 0.1)
+        self.assert_replay_is_the_same("s.h5")
+        self.assertTrue(os.path.exists(self.path("p.vdb")))
+        # An existing recording is not replaced by itself.
+        status, _, error = self.session("s.h5", "--duration-s", "1")
+        self.assertEqual(status, 1)
+        self.assertIn("--force", error)
+
+    def test_the_stand_in_of_the_vendors_library_is_driven_the_same_way(self):
+        status, _, error = self.session("hd.h5", "--device", "openhaptics", "--duration-s", "1")
+        self.assertEqual(status, 0, error)
+        self.assertGreater(self.rows("hd.h5"), 300)
+        self.assert_replay_is_the_same("hd.h5")
+
+    def test_every_fault_ends_in_one_line_exit_1_and_a_readable_recording(self):
+        for what in ("comm-error", "device-fault", "timer-error", "unplugged"):
+            name = what + ".h5"
+            status, _, error = self.session(name, "--device", "openhaptics", "--duration-s", "5", "--quiet",
+                                            settings=f'[[fault]]\nwhat = "{what}"\nat_tick = 400\n')
+            self.assertEqual(status, 1, f"{what}: {error}")
+            last = error.strip().splitlines()[-1]
+            self.assertTrue(last.startswith("toothprep: ") and name in last, error)
+            self.assertGreater(self.rows(name), 100, what)
+
+    def test_a_device_that_is_absent_or_not_calibrated_is_an_error_without_a_recording(self):
+        for settings, words in (("present = false", "device"), ('calibration = "needs-manual-input"', "not calibrated")):
+            status, _, error = self.session("none.h5", "--device", "openhaptics", "--duration-s", "1", settings=settings)
+            self.assertEqual(status, 1, error)
+            self.assertIn(words, error)
+            self.assertFalse(os.path.exists(self.path("none.h5")))
+
+    def test_warm_motors_only_withhold_the_force(self):
+        status, _, error = self.session("warm.h5", "--device", "openhaptics", "--duration-s", "1", settings=
+                                        '[[fault]]\nwhat = "warm-motors"\nat_tick = 200\nticks = 50\n')
+        self.assertEqual(status, 0, error)
+
+    def test_ctrl_c_and_termination_end_it_in_order(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "signal.h5", "--force")
+            time.sleep(1.5)
+            process.send_signal(number)
+            _, error = process.communicate(timeout=20)
+            self.assertEqual(process.returncode, 0, error)
+            self.assertIn("asked to stop", error)
+            self.assertGreater(self.rows("signal.h5"), 100)
+
+    def test_what_was_recorded_survives_a_kill(self):
+        process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "killed.h5")
+        time.sleep(3)
+        process.kill()
+        process.communicate()
+        self.assertGreater(self.rows("killed.h5"), 500)  # of about 3 s, all but the last one
+
+    def test_protocols_are_recorded(self):
+        for protocol in ("rest 1 s", "step 0.3 N for 1 s"):
+            status, _, error = self.run_tool("live", "--protocol", protocol, "-o", "protocol.h5", "--force")
+            self.assertEqual(status, 0, error)
+            self.assertGreater(self.rows("protocol.h5"), 500)
+        status, _, error = self.run_tool("live", "--protocol", "jump", "-o", "no.h5")
+        self.assertEqual(status, 1)
+        self.assertFalse(os.path.exists(self.path("no.h5")))
+
+    def test_wrong_rates_and_registrations_are_refused(self):
+        status, _, error = self.session("no.h5", "--time-step-s", "0.002", "--duration-s", "1")
+        self.assertEqual(status, 1)
+        self.assertIn("--rate-hz", error)
+        with open(self.path("r.toml"), "w") as f:
+            f.write("translation_mm = [0, 0, 0]\n")
+        status, _, error = self.session("no.h5", "--registration", "r.toml", "--start-mm", "0,0,0")
+        self.assertEqual(status, 1)
+        status, _, _ = self.run_tool("live", "-o", "no.h5")
+        self.assertEqual(status, 2)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
