@@ -16,6 +16,7 @@
 #include "toothprep/bur/bur_library.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/core/output_file.h"
+#include "toothprep/core/units.h"
 #include "toothprep/display/display_surface.h"
 #include "toothprep/haptics/openhaptics_device.h"
 #include "toothprep/haptics/simulated_device.h"
@@ -76,16 +77,17 @@ HandMotion hand_motion(const Options& o, const Registration& r, const Vec3& star
   return hand_along(std::move(path));
 }
 
-// What a check needs of the simulated hand: rest, or a slow steady pull that pushes into a wall, or
-// against dampers.
+// What a check needs of the simulated hand: rest, a slow swing about the springs' centre, or a slow
+// steady pull against dampers or into the wall.
 HandMotion hand_for(const Protocol& protocol) {
-  constexpr double kSpeed = 0.5;  // mm/s
-  Vec3 velocity = Vec3::Zero();
-  if (protocol.kind == ProtocolKind::kDampingSweep) velocity.x() = kSpeed;
-  if (protocol.kind == ProtocolKind::kWall) velocity.y() = -kSpeed;
-  return [velocity](double time) {
+  constexpr double kSpeed = 0.5;                  // mm/s
+  constexpr double kSwing = 1, kFrequency = 0.5;  // mm, Hz
+  return [kind = protocol.kind](double time) {
     DevicePose pose;
-    pose.position = velocity * time;
+    if (kind == ProtocolKind::kDampingSweep) pose.position.x() = kSpeed * time;
+    if (kind == ProtocolKind::kWall) pose.position.y() = -kSpeed * time;
+    if (kind == ProtocolKind::kStiffnessSweep)
+      pose.position.x() = kSwing * std::sin(2 * units::kPi * kFrequency * time);
     return pose;
   };
 }

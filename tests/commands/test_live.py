@@ -1,7 +1,7 @@
 """live and its recording, on the simulated device and on the stand-in for the vendor's library: a session that a replay
 repeats to the bit, every fault and signal with zero force and a readable file, and a program that is killed.
 
-Usage: test_live.py BINARY STAND_IN_LIBHD
+Usage: test_live.py BINARY STAND_IN_LIBHD LIMITS_TOML
 """
 import json
 import os
@@ -13,7 +13,7 @@ import tempfile
 import time
 import unittest
 
-BINARY, LIBHD = os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2])
+BINARY, LIBHD, LIMITS = (os.path.abspath(argument) for argument in sys.argv[1:4])
 BUR = "cylinder:D1.2xL3.0"
 HAND = """start_mm = [0, 2, -3.4]
 axis = [0, 1, 0]
@@ -143,6 +143,27 @@ class Live(unittest.TestCase):
         status, _, error = self.run_tool("live", "--protocol", "jump", "-o", "no.h5")
         self.assertEqual(status, 1)
         self.assertFalse(os.path.exists(self.path("no.h5")))
+
+    def test_a_rig_is_judged_from_its_recording(self):
+        status, _, error = self.session("rig.h5", "--hand", "hand.toml", "--duration-s", "2")
+        self.assertEqual(status, 0, error)
+        report = json.loads(self.ok("rig-check", "rig.h5", "--tooth", "block.vdb", "--json", "-o", "rig.json"))
+        self.assertEqual(report["schema"], "toothprep-rig-check")
+        with open(self.path("rig.json")) as f:
+            self.assertEqual(json.load(f), report)
+        # The recording replays to the bit, so no row differs; a limit that can't be kept fails it, with --strict only.
+        self.assertEqual(report["replay_differing_rows"], 0)
+        with open(LIMITS) as f:
+            limits = f.read()
+        with open(self.path("limits.toml"), "w") as f:
+            f.write(limits.replace("step_cost_p999_us = { max = 200.0", "step_cost_p999_us = { max = 0.001"))
+        for strict, expected in (((), 0), (("--strict",), 1)):
+            status, _, error = self.run_tool("rig-check", "rig.h5", "--limits", "limits.toml", *strict)
+            self.assertEqual(status, expected, error)
+        # Another tooth, and what is no recording.
+        self.ok("specimen", "block", "-o", "other.vdb", "--size-mm", "3", "--enamel-mm", "1")
+        self.assertEqual(self.run_tool("rig-check", "rig.h5", "--tooth", "other.vdb")[0], 1)
+        self.assertEqual(self.run_tool("rig-check", "block.vdb")[0], 1)
 
     def test_wrong_rates_and_registrations_are_refused(self):
         status, _, error = self.session("no.h5", "--time-step-s", "0.002", "--duration-s", "1")
