@@ -1,7 +1,5 @@
 #include "toothprep/live/live_loop.h"
 
-#include <algorithm>
-
 #include "toothprep/live/tick_cost.h"
 
 namespace toothprep {
@@ -47,7 +45,7 @@ Vec3 LiveLoop::tick(const DeviceReading& reading) {
   }
   out.step_seconds = thread_seconds() - from;
   hand_on(out);
-  publish(out);
+  status_.write(out, steps_, governor_);
   return out.commanded_force;
 }
 
@@ -85,37 +83,6 @@ void LiveLoop::finish() noexcept {
   session_->finish(last_.row);
   if (sink_) sink_->take(last_);
   any_ = false;
-}
-
-void LiveLoop::publish(const LiveTick& tick) noexcept {
-  constexpr auto kRelaxed = std::memory_order_relaxed;
-  told_steps_.store(steps_, kRelaxed);
-  force_.store(tick.commanded_force.norm(), kRelaxed);
-  lag_.store((tick.row.bur.position - tick.row.handle.pose.position).norm(), kRelaxed);
-  torque_.store(tick.row.torque, kRelaxed);
-  heat_.store(governor_.heat(), kRelaxed);
-  for (std::size_t k = 0; k < kTissueCount; ++k)
-    removed_[k].store(tick.row.removed_volume[k], kRelaxed);
-  stalled_.store(tick.row.stalled, kRelaxed);
-  running_.store((tick.row.handle.buttons & kPedalButton) != 0, kRelaxed);
-  vibrates_.store(governor_.vibrates(), kRelaxed);
-  longest_.store(std::max(longest_.load(kRelaxed), tick.step_seconds), kRelaxed);
-}
-
-LiveStatus LiveLoop::status() const noexcept {
-  constexpr auto kRelaxed = std::memory_order_relaxed;
-  LiveStatus s;
-  s.steps = told_steps_.load(kRelaxed);
-  s.force = force_.load(kRelaxed);
-  s.lag = lag_.load(kRelaxed);
-  s.torque = torque_.load(kRelaxed);
-  s.heat = heat_.load(kRelaxed);
-  for (std::size_t k = 0; k < kTissueCount; ++k) s.removed[k] = removed_[k].load(kRelaxed);
-  s.stalled = stalled_.load(kRelaxed);
-  s.running = running_.load(kRelaxed);
-  s.vibrates = vibrates_.load(kRelaxed);
-  s.longest_step = longest_.load(kRelaxed);
-  return s;
 }
 
 }  // namespace toothprep

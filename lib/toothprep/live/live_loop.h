@@ -17,6 +17,7 @@
 #include "toothprep/haptics/haptic_device.h"
 #include "toothprep/live/force_governor.h"
 #include "toothprep/live/registration.h"
+#include "toothprep/live/status_board.h"
 #include "toothprep/session/session.h"
 
 namespace toothprep {
@@ -32,19 +33,6 @@ class TickSink {
 struct LiveButtons {
   std::uint32_t pedal = 0;   // starts the bur; none: it always runs
   std::uint32_t clutch = 0;  // while held the handle stays where it is
-};
-
-// For the status line; each figure is whole, together they may be of two ticks.
-struct LiveStatus {
-  std::int64_t steps = 0;
-  double force = 0;                       // N, commanded
-  double lag = 0;                         // mm, bur behind the handle
-  double torque = 0;                      // N·mm
-  bool stalled = false, running = false;  // the bur's motor
-  PerTissue<double> removed{};            // mm³
-  double heat = 0;                        // of the motors', 1: all that they stand for good
-  bool vibrates = false;                  // the governor has switched the force off
-  double longest_step = 0;                // s of CPU time
 };
 
 class LiveLoop final : public ServoClient {
@@ -65,14 +53,13 @@ class LiveLoop final : public ServoClient {
   // After the device has stopped: removes what is still due and hands on the last tick.
   void finish() noexcept;
 
-  LiveStatus status() const noexcept;
+  LiveStatus status() const noexcept { return status_.read(); }
 
  private:
   enum class Phase { kWaiting, kBeginning, kRunning };
 
   void step(const DeviceReading& reading, LiveTick& out) noexcept;
   void hand_on(const LiveTick& tick) noexcept;
-  void publish(const LiveTick& tick) noexcept;
 
   LiveButtons buttons_;
   TickSink* sink_;
@@ -91,10 +78,7 @@ class LiveLoop final : public ServoClient {
   LiveTick last_;  // handed on a tick later, since the session's end completes it
   bool any_ = false;
 
-  std::atomic<std::int64_t> told_steps_ = 0;
-  std::atomic<double> force_ = 0, lag_ = 0, torque_ = 0, heat_ = 0, longest_ = 0;
-  std::array<std::atomic<double>, kTissueCount> removed_{};
-  std::atomic<bool> stalled_ = false, running_ = false, vibrates_ = false;
+  StatusBoard status_;
 };
 
 }  // namespace toothprep

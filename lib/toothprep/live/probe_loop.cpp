@@ -1,6 +1,5 @@
 #include "toothprep/live/probe_loop.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "toothprep/live/tick_cost.h"
@@ -33,25 +32,8 @@ Vec3 ProbeLoop::tick(const DeviceReading& reading) {
   out.commanded_force = governor_.limit(force, out.flags);
   out.step_seconds = thread_seconds() - from;
   if (sink_) sink_->take(out);
-
-  constexpr auto kRelaxed = std::memory_order_relaxed;
-  told_steps_.store(steps_, kRelaxed);
-  force_.store(out.commanded_force.norm(), kRelaxed);
-  heat_.store(governor_.heat(), kRelaxed);
-  vibrates_.store(governor_.vibrates(), kRelaxed);
-  longest_.store(std::max(longest_.load(kRelaxed), out.step_seconds), kRelaxed);
+  status_.write(out, steps_, governor_);
   return out.commanded_force;
-}
-
-LiveStatus ProbeLoop::status() const noexcept {
-  constexpr auto kRelaxed = std::memory_order_relaxed;
-  LiveStatus s;
-  s.steps = told_steps_.load(kRelaxed);
-  s.force = force_.load(kRelaxed);
-  s.heat = heat_.load(kRelaxed);
-  s.vibrates = vibrates_.load(kRelaxed);
-  s.longest_step = longest_.load(kRelaxed);
-  return s;
 }
 
 }  // namespace toothprep

@@ -2,7 +2,6 @@
 // a wall, with the same limits and the same record as a session's.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 
@@ -23,7 +22,7 @@ class ProbeLoop final : public ServoClient {
   // A row's handle and bur are the device's pose (W = D), its forces the law's.
   Vec3 tick(const DeviceReading& reading) override;
 
-  LiveStatus status() const noexcept;
+  LiveStatus status() const noexcept { return status_.read(); }
 
  private:
   ForceGovernor governor_;
@@ -32,9 +31,7 @@ class ProbeLoop final : public ServoClient {
   double period_;
   std::int64_t steps_ = 0;
   Vec3 last_place_ = Vec3::Zero();
-  std::atomic<std::int64_t> told_steps_ = 0;
-  std::atomic<double> force_ = 0, heat_ = 0, longest_ = 0;
-  std::atomic<bool> vibrates_ = false;
+  StatusBoard status_;
 };
 
 }  // namespace toothprep
