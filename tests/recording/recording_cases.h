@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <string>
 
 #include "toothprep/core/live_tick.h"
@@ -19,7 +20,8 @@ constexpr double kStep = 1e-3;  // s
 // A name of its own, and no file left behind.
 struct ScratchFile {
   explicit ScratchFile(const std::string& name)
-      : path("/tmp/toothprep_" + std::to_string(getpid()) + "_" + name + ".h5") {
+      : path(std::filesystem::temp_directory_path().string() + "/toothprep_" +
+             std::to_string(getpid()) + "_" + name + ".h5") {
     std::remove(path.c_str());
   }
   ~ScratchFile() { std::remove(path.c_str()); }
