@@ -25,6 +25,9 @@ void add_mesh(CLI::App& app, const Common& common);
 void add_figures(CLI::App& app, const Common& common);
 void add_rig_check(CLI::App& app, const Common& common);
 void add_live(CLI::App& app, const Common& common);
+void add_calibrate(CLI::App& app, const Common& common);
+// Under `specimen`.
+void add_measurement(CLI::App& specimen, const Common& common);
 
 // A line of talk on stderr, unless --quiet.
 void say(const Common& common, const std::string& line);

@@ -187,11 +187,12 @@ void add_scan(CLI::App& specimen, const Common& common) {
 }  // namespace
 
 void add_specimen(CLI::App& app, const Common& common) {
-  auto* sub = app.add_subcommand("specimen", "Teeth and scans that are known exactly");
+  auto* sub = app.add_subcommand("specimen", "Teeth, scans and measurements that are known exactly");
   sub->require_subcommand(1);
   add_block(*sub, common);
   add_molar(*sub, common);
   add_scan(*sub, common);
+  add_measurement(*sub, common);
   sub->footer("Example: toothprep specimen molar -o molar.vdb");
 }
 

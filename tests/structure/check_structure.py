@@ -21,6 +21,7 @@ HEAVY = {
     "hdf5": ["lib/toothprep/trace"],
     "H5": ["lib/toothprep/trace"],
     "CGAL": ["lib/toothprep/mesh"],
+    "ceres": ["lib/toothprep/calibrate"],
     "CLI/": ["apps"],
     "openssl": ["lib/toothprep/core"],
 }

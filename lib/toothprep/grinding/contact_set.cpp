@@ -114,6 +114,32 @@ PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) c
   return area;
 }
 
+PerTissue<TissueBasis> ContactSet::basis(const Vec3& v, const Vec3& omega) const noexcept {
+  PerTissue<TissueBasis> sum{};
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  for (int i = 0; i < count_; ++i) {
+    // In single precision, as response() does, so that both take the same elements.
+    const float s = nx_[i] * vf.x() + ny_[i] * vf.y() + nz_[i] * vf.z() + mx_[i] * of.x() +
+                    my_[i] * of.y() + mz_[i] * of.z();
+    if (!(s > least_)) continue;
+    const Vec3 n(nx_[i], ny_[i], nz_[i]), q(qx_[i], qy_[i], qz_[i]);
+    const double advance = n.dot(v) + Vec3(mx_[i], my_[i], mz_[i]).dot(omega);
+    const Vec3 normal = q.dot(n) / n.squaredNorm() * advance * n;
+    const Vec3 tangential = q * advance - normal;
+    double area = 0;
+    for (const float a : area_[i]) area += a;
+    if (!(area > 0)) continue;
+    for (int k = 0; k < kTissueCount; ++k) {
+      const double share = area_[i][k] / area;
+      if (share == 0) continue;
+      sum[k].tangential += share * tangential;
+      sum[k].normal += share * normal;
+      sum[k].torque += share * advance * torque_[i];
+    }
+  }
+  return sum;
+}
+
 bool ContactSet::any_advances(const Vec3& v, const Vec3& omega) const noexcept {
   const PerTissue<double> area = advancing_area(v, omega);
   return std::any_of(area.begin(), area.end(), [](double a) { return a > 0; });

@@ -49,6 +49,14 @@ struct GrindingResponse {
   AdvancingSet set;
 };
 
+// One tissue's part of the force, for N = 1 rev/s, B: what u = 1 N/mm² makes along n_t and
+// u/alpha = 1 N/mm² against n_n. Times u and u/alpha, summed over the tissues, it is B v + f0.
+struct TissueBasis {
+  Vec3 tangential = Vec3::Zero();  // mm²·rev/s
+  Vec3 normal = Vec3::Zero();      // mm²·rev/s
+  double torque = 0;               // mm³·rev/s, for u = 1
+};
+
 class ContactSet {
  public:
   // Room for `capacity` elements; u and alpha per tissue (validated by the caller). With
@@ -77,6 +85,10 @@ class ContactSet {
   AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;
   // Advancing contact area per tissue, mm².
   PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;
+  // The force at v and omega split by tissue. Only of a set made with u = alpha = 1 for every
+  // tissue, where an element's share of a tissue is that of its area, and its force splits along
+  // n_n and n_t.
+  PerTissue<TissueBasis> basis(const Vec3& v, const Vec3& omega) const noexcept;
   // Whether any element in contact advances.
   bool any_advances(const Vec3& v, const Vec3& omega) const noexcept;
 

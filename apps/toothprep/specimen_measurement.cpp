@@ -1,0 +1,176 @@
+// toothprep specimen measurement: recordings whose u and alpha are known.
+#include <filesystem>
+#include <limits>
+#include <memory>
+
+#include "command.h"
+#include "session_options.h"
+#include "toothprep/bur/bur_library.h"
+#include "toothprep/calibrate/measurement.h"
+#include "toothprep/core/csv_writer.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/core/units.h"
+#include "toothprep/session/replay.h"
+#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/trace/trace.h"
+#include "toothprep/version.h"
+
+namespace toothprep::app {
+namespace {
+
+struct Options {
+  std::string tooth, bur, trajectory, output, params, preset = "paper";
+  std::vector<std::string> u, alpha;
+  std::optional<double> rotation_rate;
+  double noise_percent = 5, noise_correlation_ms = 0, delay_ms = 0, outliers_percent = 0;
+  double outlier_size = 10, lowpass_hz = 0;
+  std::vector<double> bias = {0, 0, 0}, drift = {0, 0, 0}, rotation_deg = {0, 0, 0};
+  std::uint64_t seed = 1;
+  bool force = false, allow_gaps = false;
+};
+
+Vec3 three(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
+
+// TISSUE=VALUE
+std::pair<int, double> named_value(const std::string& text, const char* option) {
+  const auto equals = text.find('=');
+  const auto tissue = tissue_named(text.substr(0, equals));
+  char* end = nullptr;
+  const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
+  const double value = std::strtod(number.c_str(), &end);
+  if (!tissue || *tissue == Tissue::kAir || number.empty() || *end != 0)
+    throw InputError(option, text, "is not TISSUE=VALUE", "e.g. enamel=0.3");
+  return {tissue_index(*tissue), value};
+}
+
+void write_csv(const Trace& trace, const std::string& path) {
+  CsvWriter csv(path);
+  for (const char* name : {"time_s", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw", "buttons",
+                           "fx_N", "fy_N", "fz_N"})
+    csv.text(name);
+  csv.end_row();
+  for (std::size_t i = 0; i < trace.rows.size(); ++i) {
+    const StepRecord& row = trace.rows[i];
+    csv.number(row.handle.time);
+    for (const double x : row.bur.position) csv.number(x);
+    for (const double x : row.bur.orientation.coeffs()) csv.number(x);
+    csv.number(row.handle.buttons);
+    for (const double x : trace.measured_force[i]) csv.number(x);
+    csv.end_row();
+  }
+  csv.close();
+}
+
+void run(const Options& o, const Common& common) {
+  const std::string extension = std::filesystem::path(o.output).extension().string();
+  if (extension != ".h5" && extension != ".csv")
+    throw InputError(o.output, "", "not a recording by its name", "use .h5 or .csv");
+  OutputFile output(o.output, o.force);
+  SessionOptions session;
+  session.params = o.params;
+  session.preset = o.preset;
+  session.rotation_rate = o.rotation_rate;
+  Parameters parameters = load_parameters(session);
+  for (const std::string& text : o.u) {
+    const auto [k, value] = named_value(text, "--u-j-per-mm3");
+    parameters.tissue[k].specific_energy = units::from_joule_per_mm3(value);
+  }
+  for (const std::string& text : o.alpha) {
+    const auto [k, value] = named_value(text, "--alpha");
+    parameters.tissue[k].force_ratio = value;
+  }
+  // The motion is imposed: an ideal feed that no torque stops.
+  parameters.handpiece.stall_torque = std::numeric_limits<double>::infinity();
+  parameters.handpiece.model = HandpieceModel::kFixed;
+  validate(parameters);
+
+  const Bur bur = make_bur(o.bur, data_folder() + "/burs");
+  const auto path =
+      resample(load_trajectory(o.trajectory), parameters.time_step, o.allow_gaps, o.trajectory);
+  const LayeredTooth tooth = read_tooth(o.tooth);
+  Workpiece workpiece(tooth);
+  const ReplayResult r = replay(bur, workpiece, parameters, Drive::kDirect, path);
+
+  std::vector<Vec3> force;
+  force.reserve(r.rows.size());
+  for (const StepRecord& row : r.rows) force.push_back(row.grinding_force);
+  if (contact_rms(force) == 0)
+    throw InputError(o.trajectory, "", "never touches the tooth: there is no force to measure");
+  SensorOptions s;
+  s.noise = o.noise_percent / 100;
+  s.noise_correlation = o.noise_correlation_ms * 1e-3;
+  s.bias = three(o.bias);
+  s.drift = three(o.drift);
+  s.delay = o.delay_ms * 1e-3;
+  s.outliers = o.outliers_percent / 100;
+  s.outlier_size = o.outlier_size;
+  s.rotation = three(o.rotation_deg) * units::from_degree(1);
+  s.lowpass_hz = o.lowpass_hz;
+  s.seed = o.seed;
+
+  Trace trace;
+  trace.rows = r.rows;
+  trace.measured_force = measured_by(s, force, parameters.time_step);
+  trace.parameters_toml = to_toml(parameters);
+  trace.tooth_sha256 = tooth_sha256(tooth);
+  trace.toothprep_version = kVersion;
+  trace.bur = o.bur;
+  trace.drive = "direct";
+  trace.engine = engine_name(parameters);
+  trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
+  for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
+  if (extension == ".csv")
+    write_csv(trace, output.temporary());
+  else
+    write_trace(trace, output.temporary());
+  output.commit();
+  say(common, format("%s: %.1f s, %.3g N rms in contact, noise %.3g N per axis", o.output.c_str(),
+                     r.seconds_simulated, contact_rms(force), s.noise * contact_rms(force)));
+}
+
+}  // namespace
+
+void add_measurement(CLI::App& specimen, const Common& common) {
+  auto* sub = specimen.add_subcommand(
+      "measurement",
+      "A recording of a rig whose u and alpha are known, to plan an experiment with");
+  const auto o = std::make_shared<Options>();
+  sub->add_option("-o,--output", o->output, "Recording to write (.h5 or .csv)")->required();
+  sub->add_option("--tooth", o->tooth, "Layered tooth (.vdb)")->required();
+  sub->add_option("--bur", o->bur, "As for replay")->required();
+  sub->add_option("--trajectory", o->trajectory, "The bur's motion: .toml, .csv or .h5")
+      ->required();
+  sub->add_option("--u-j-per-mm3", o->u, "Truth, e.g. enamel=0.4,dentin=0.1")->delimiter(',');
+  sub->add_option("--alpha", o->alpha, "Truth, e.g. enamel=0.3,dentin=0.2")->delimiter(',');
+  sub->add_option("--params", o->params, "Parameter file");
+  sub->add_option("--preset", o->preset, "paper or physical, under the parameter file")
+      ->check(CLI::IsMember({"paper", "physical"}))
+      ->capture_default_str();
+  sub->add_option("--rotation-rate-rev-s", o->rotation_rate, "Rotation rate N, over the file's");
+  sub->add_option("--noise-percent", o->noise_percent, "Of the force's rms in contact, per axis")
+      ->capture_default_str();
+  sub->add_option("--noise-correlation-ms", o->noise_correlation_ms, "0: white")
+      ->capture_default_str();
+  sub->add_option("--bias-n", o->bias, "x,y,z")->delimiter(',')->expected(3);
+  sub->add_option("--drift-n-per-s", o->drift, "x,y,z")->delimiter(',')->expected(3);
+  sub->add_option("--delay-ms", o->delay_ms, "Force behind motion")->capture_default_str();
+  sub->add_option("--outliers-percent", o->outliers_percent, "Of the samples")
+      ->capture_default_str();
+  sub->add_option("--outlier-size", o->outlier_size, "Of the force's rms in contact")
+      ->capture_default_str();
+  sub->add_option("--sensor-rotation-deg", o->rotation_deg, "Rotation vector, sensor to W")
+      ->delimiter(',')
+      ->expected(3);
+  sub->add_option("--lowpass-hz", o->lowpass_hz, "First-order corner; 0: none")
+      ->capture_default_str();
+  sub->add_option("--seed", o->seed, "Of noise and outliers")->capture_default_str();
+  sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s");
+  sub->add_flag("--force", o->force, "Replace an existing output");
+  sub->footer(
+      "Example: toothprep specimen measurement --tooth block.vdb --bur cylinder:D1.2xL3.0\n"
+      "         --trajectory data/trajectories/calibration.toml --delay-ms 3 -o rig.h5");
+  sub->callback([o, &common] { run(*o, common); });
+}
+
+}  // namespace toothprep::app
