@@ -9,7 +9,6 @@
 
 #include <array>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "toothprep/core/image_volume.h"

@@ -1,8 +1,6 @@
 #include "toothprep/scan/image_checks.h"
 
-#include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <sstream>
 
 #include "toothprep/core/errors.h"
