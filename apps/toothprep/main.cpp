@@ -74,8 +74,7 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   for (const AddCommand add : {add_specimen, add_voxelize, add_info, add_replay, add_export,
-                               add_mesh, add_figures, add_live, add_rig_check,
-                               add_calibrate})
+                               add_mesh, add_figures, add_live, add_rig_check, add_calibrate})
     add(app, common);
   std::optional<tbb::global_control> limit;
   app.parse_complete_callback([&] {

@@ -187,7 +187,8 @@ void add_scan(CLI::App& specimen, const Common& common) {
 }  // namespace
 
 void add_specimen(CLI::App& app, const Common& common) {
-  auto* sub = app.add_subcommand("specimen", "Teeth, scans and measurements that are known exactly");
+  auto* sub =
+      app.add_subcommand("specimen", "Teeth, scans and measurements that are known exactly");
   sub->require_subcommand(1);
   add_block(*sub, common);
   add_molar(*sub, common);

@@ -26,9 +26,9 @@ struct LiveTick {
   StepRecord row;  // its time is (number of steps) * time step: what a replay steps through
 
   // The device's side.
-  std::int64_t tick = 0;     // of the device, from 0
-  double servo_time = 0;     // s since the servo's start, when the tick began
-  std::int32_t missed = 0;   // periods without a tick before this one
+  std::int64_t tick = 0;                       // of the device, from 0
+  double servo_time = 0;                       // s since the servo's start, when the tick began
+  std::int32_t missed = 0;                     // periods without a tick before this one
   Vec3 device_position = Vec3::Zero();         // mm, D, as read
   Quat device_orientation = Quat::Identity();  // stylus to D
   std::uint32_t device_buttons = 0;
@@ -37,11 +37,12 @@ struct LiveTick {
   Quat mirror_orientation = Quat::Identity();
   std::uint32_t mirror_buttons = 0;
   Vec3 commanded_force = Vec3::Zero();  // N, D: after all limits, what the client returned
-  Vec3 sent_force = Vec3::Zero();       // N, D: what the device says that it sent in the tick before this
-  double force_scale = 0;               // of the device's ramp, in this tick
-  std::uint32_t flags = 0;              // LiveFlag
-  std::uint32_t fault = 0;              // DeviceFault, of this tick
-  double step_seconds = 0;              // CPU time of this tick's work on the servo's thread
+  Vec3 sent_force =
+      Vec3::Zero();         // N, D: what the device says that it sent in the tick before this
+  double force_scale = 0;   // of the device's ramp, in this tick
+  std::uint32_t flags = 0;  // LiveFlag
+  std::uint32_t fault = 0;  // DeviceFault, of this tick
+  double step_seconds = 0;  // CPU time of this tick's work on the servo's thread
 };
 
 }  // namespace toothprep
