@@ -22,6 +22,10 @@ HEAVY = {
     "H5": ["lib/toothprep/trace"],
     "CGAL": ["lib/toothprep/mesh"],
     "ceres": ["lib/toothprep/calibrate"],
+    "embree": ["lib/toothprep/raycast"],
+    "OpenEXR": ["lib/toothprep/render"],
+    "Imf": ["lib/toothprep/render"],
+    "png": ["lib/toothprep/render"],
     "CLI/": ["apps"],
     "openssl": ["lib/toothprep/core"],
 }
