@@ -26,8 +26,12 @@ void add_figures(CLI::App& app, const Common& common);
 void add_rig_check(CLI::App& app, const Common& common);
 void add_live(CLI::App& app, const Common& common);
 void add_calibrate(CLI::App& app, const Common& common);
+void add_batch(CLI::App& app, const Common& common);
+void add_render(CLI::App& app, const Common& common);
+void add_score(CLI::App& app, const Common& common);
 // Under `specimen`.
 void add_measurement(CLI::App& specimen, const Common& common);
+void add_cavity(CLI::App& specimen, const Common& common);
 
 // A line of talk on stderr, unless --quiet.
 void say(const Common& common, const std::string& line);

@@ -61,6 +61,7 @@ void run_block(const ToothOptions& o, const Common& common) {
   OutputFile output(o.output, o.force);
   LayeredTooth tooth = make_block(block);
   tooth.provenance["source"] = "specimen block";
+  tooth.provenance["axis_occlusal"] = "0 1 0";
   write(tooth, o, output, common);
 }
 
@@ -194,6 +195,7 @@ void add_specimen(CLI::App& app, const Common& common) {
   add_molar(*sub, common);
   add_scan(*sub, common);
   add_measurement(*sub, common);
+  add_cavity(*sub, common);
   sub->footer("Example: toothprep specimen molar -o molar.vdb");
 }
 

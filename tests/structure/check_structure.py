@@ -20,7 +20,7 @@ HEAVY = {
     "gdcm": ["lib/toothprep/scan"],
     "hdf5": ["lib/toothprep/trace"],
     "H5": ["lib/toothprep/trace"],
-    "CGAL": ["lib/toothprep/mesh"],
+    "CGAL": ["lib/toothprep/mesh", "tests"],
     "ceres": ["lib/toothprep/calibrate"],
     "embree": ["lib/toothprep/raycast"],
     "OpenEXR": ["lib/toothprep/render"],

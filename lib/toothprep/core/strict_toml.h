@@ -5,6 +5,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -129,6 +130,29 @@ class StrictTable {
       values.push_back(*value);
     }
     return values;
+  }
+  // Two numbers [low, high], low <= high; either may be infinite (an open end).
+  std::optional<std::array<double, 2>> range(const std::string& key) {
+    const toml::node* node = find(key);
+    if (!node) return {};
+    const toml::array* array = node->as_array();
+    if (!array || array->size() != 2)
+      refuse(key, "must be two numbers [low, high], not " +
+                      (array ? "a list of " + std::to_string(array->size()) : kind_of(*node)));
+    std::array<double, 2> ends{};
+    for (std::size_t i = 0; i < 2; ++i) {
+      const std::optional<double> value = number_of(*array->get(i));
+      if (!value) refuse(key, "must be two numbers [low, high], found " + kind_of(*array->get(i)));
+      ends[i] = *value;
+    }
+    if (!(ends[0] <= ends[1])) refuse(key, "must be [low, high] with low not above high");
+    return ends;
+  }
+  // Whether the key is there with a list for its value (where a key takes a list or something
+  // else).
+  bool is_list(const std::string& key) const {
+    const toml::node* node = table_.get(key);
+    return node && node->is_array();
   }
   std::optional<std::vector<Vec3>> vectors(const std::string& key) {
     const toml::node* node = find(key);

@@ -1,4 +1,4 @@
-// Triangle meshes as PLY, STL and OBJ files.
+// Triangle meshes as PLY, STL, OBJ and VTK files.
 #include <algorithm>
 #include <bit>
 #include <cctype>
@@ -13,7 +13,8 @@
 namespace toothprep {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "PLY and STL are written little endian");
+static_assert(std::endian::native == std::endian::little,
+              "PLY and STL are written little endian, VTK by swapping bytes");
 
 // Colours for viewers that know nothing of tissues, by label.
 constexpr std::array<std::array<std::uint8_t, 3>, kTissueCount + 1> kColours = {{
@@ -35,6 +36,13 @@ class Bytes {
     const auto* first = static_cast<const char*>(data);
     bytes_.insert(bytes_.end(), first, first + size);
   }
+  template <class T>
+  void put_big_endian(T value) {
+    std::array<char, sizeof value> bytes;
+    std::memcpy(bytes.data(), &value, sizeof value);
+    std::reverse(bytes.begin(), bytes.end());
+    put(bytes);
+  }
   void text(const std::string& s) { put(s.data(), s.size()); }
   template <class T>
   void number(T value) {  // the shortest text that reads back as the same value, in any locale
@@ -48,27 +56,62 @@ class Bytes {
   std::vector<char> bytes_;
 };
 
-Bytes ply_of(const TriangleMesh& mesh) {
-  Bytes out(512 + mesh.vertices.size() * 16 + mesh.triangles.size() * 13);
+std::uint8_t label_of(const TriangleMesh& mesh, std::size_t v) {
+  return v < mesh.tissue.size() ? mesh.tissue[v] : std::uint8_t{0};
+}
+
+Bytes ply_of(const TriangleMesh& mesh, const VertexAttributes& attributes) {
+  const std::size_t per_vertex = 16 + 4 * attributes.scalars.size();
+  Bytes out(1024 + mesh.vertices.size() * per_vertex + mesh.triangles.size() * 13);
   out.text(
       "ply\nformat binary_little_endian 1.0\n"
       "comment toothprep surface; lengths in mm; tissue: 1 enamel, 2 dentin, 3 pulp, 4 other\n"
       "element vertex " +
       std::to_string(mesh.vertices.size()) +
       "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar tissue\n"
-      "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face " +
-      std::to_string(mesh.triangles.size()) +
-      "\nproperty list uchar int vertex_indices\nend_header\n");
+      "property uchar red\nproperty uchar green\nproperty uchar blue\n");
+  for (const auto& scalar : attributes.scalars) out.text("property float " + scalar.name + "\n");
+  out.text("element face " + std::to_string(mesh.triangles.size()) +
+           "\nproperty list uchar int vertex_indices\nend_header\n");
   for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
-    const std::uint8_t label = v < mesh.tissue.size() ? mesh.tissue[v] : 0;
+    const std::uint8_t label = label_of(mesh, v);
     out.put(mesh.vertices[v].data(), 12);
     out.put(label);
-    out.put(kColours[std::min<std::size_t>(label, kTissueCount)]);
+    out.put(attributes.colours.empty() ? kColours[std::min<std::size_t>(label, kTissueCount)]
+                                       : attributes.colours[v]);
+    for (const auto& scalar : attributes.scalars) out.put(scalar.values[v]);
   }
   for (const auto& t : mesh.triangles) {
     out.put(std::uint8_t{3});
     out.put(t);
   }
+  return out;
+}
+
+// Legacy VTK, whose binary numbers are big endian.
+Bytes vtk_of(const TriangleMesh& mesh, const VertexAttributes& attributes) {
+  const std::string points = std::to_string(mesh.vertices.size()),
+                    faces = std::to_string(mesh.triangles.size());
+  Bytes out(1024 + mesh.vertices.size() * (13 + 4 * attributes.scalars.size()) +
+            mesh.triangles.size() * 16);
+  out.text("# vtk DataFile Version 3.0\ntoothprep surface, mm\nBINARY\nDATASET POLYDATA\nPOINTS " +
+           points + " float\n");
+  for (const auto& v : mesh.vertices)
+    for (int k = 0; k < 3; ++k) out.put_big_endian(v[k]);
+  out.text("\nPOLYGONS " + faces + " " + std::to_string(4 * mesh.triangles.size()) + "\n");
+  for (const auto& t : mesh.triangles) {
+    out.put_big_endian(std::int32_t{3});
+    for (const std::uint32_t v : t) out.put_big_endian(static_cast<std::int32_t>(v));
+  }
+  out.text("\nPOINT_DATA " + points + "\n");
+  for (const auto& scalar : attributes.scalars) {  // the first is what ParaView colours by
+    out.text("SCALARS " + scalar.name + " float 1\nLOOKUP_TABLE default\n");
+    for (const float value : scalar.values) out.put_big_endian(value);
+    out.text("\n");
+  }
+  out.text("SCALARS tissue unsigned_char 1\nLOOKUP_TABLE default\n");
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) out.put(label_of(mesh, v));
+  out.text("\n");
   return out;
 }
 
@@ -124,15 +167,22 @@ std::string extension_of(const std::string& path) {
 
 void check_mesh_name(const std::string& path) {
   const std::string extension = extension_of(path);
-  if (extension != ".ply" && extension != ".stl" && extension != ".obj")
-    throw Error(path + ": a mesh is written as .ply, .stl or .obj, not '" + extension + "'");
+  if (extension != ".ply" && extension != ".stl" && extension != ".obj" && extension != ".vtk")
+    throw Error(path + ": a mesh is written as .ply, .stl, .obj or .vtk, not '" + extension + "'");
 }
 
-void write_mesh(const TriangleMesh& mesh, const std::string& path) {
+void write_mesh(const TriangleMesh& mesh, const std::string& path,
+                const VertexAttributes& attributes) {
   check_mesh_name(path);
   const std::string extension = extension_of(path);
   if (mesh.triangles.empty()) throw Error(path + ": nothing to write, the surface is empty");
-  const Bytes out = extension == ".ply"   ? ply_of(mesh)
+  for (const auto& scalar : attributes.scalars)
+    if (scalar.values.size() != mesh.vertices.size())
+      throw Error(path + ": '" + scalar.name + "' does not have one value per vertex");
+  if (!attributes.colours.empty() && attributes.colours.size() != mesh.vertices.size())
+    throw Error(path + ": the colours are not one per vertex");
+  const Bytes out = extension == ".ply"   ? ply_of(mesh, attributes)
+                    : extension == ".vtk" ? vtk_of(mesh, attributes)
                     : extension == ".stl" ? stl_of(mesh)
                                           : obj_of(mesh);
   std::ofstream file(path, std::ios::binary);

@@ -22,9 +22,22 @@ enum class SurfaceOf { kAll, kEnamel, kDentin, kPulp };
 // self-intersections. An empty mesh if nothing remains. `tissue` is the tissue under each vertex.
 TriangleMesh extract_surface(const LayeredTooth& tooth, SurfaceOf what);
 
-// By extension: .ply (binary little endian, vertex property `tissue`), .stl (binary), .obj. Throws
-// Error for another extension or an empty mesh. Writes `path` itself.
-void write_mesh(const TriangleMesh& mesh, const std::string& path);
+// Numbers per vertex, and colours instead of those by tissue, for the formats that hold them: .ply
+// (float properties) and .vtk (point data); .stl and .obj leave them out.
+struct VertexAttributes {
+  struct Scalar {
+    std::string name;           // a word
+    std::vector<float> values;  // per vertex
+  };
+  std::vector<Scalar> scalars;
+  std::vector<std::array<std::uint8_t, 3>> colours;  // RGB per vertex, or empty
+};
+
+// By extension: .ply (binary little endian, vertex property `tissue`), .stl (binary), .obj, .vtk
+// (legacy binary polydata with the point data `tissue`, for ParaView). Throws Error for another
+// extension, an empty mesh, or attributes that are not one per vertex. Writes `path` itself.
+void write_mesh(const TriangleMesh& mesh, const std::string& path,
+                const VertexAttributes& attributes = {});
 
 // Throws Error unless the name ends in one of those extensions: to know before the work is done.
 void check_mesh_name(const std::string& path);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toothprep/core/geometry.h"
+#include "toothprep/mesh/surface.h"
 
 namespace toothprep {
 
@@ -32,5 +33,9 @@ struct Section {
   std::vector<Outline> original, prepared, target, pulp, dentin;  // any may be empty
   std::vector<SectionMark> marks;
 };
+
+// Where the plane of `section` cuts a surface: outlines in the plane's coordinates, closed for a
+// closed surface. Points lie on the mesh's edges.
+std::vector<Outline> outlines_of(const TriangleMesh& surface, const Section& section);
 
 }  // namespace toothprep

@@ -10,7 +10,8 @@ namespace toothprep {
 
 // Keys are those of score.json. A dot makes a group: "removed_mm3.enamel" stands in score.json as
 // the member `enamel` of the object `removed_mm3`. The unit is in the key; `unit` repeats it for
-// tables ("mm", "mm^3", "deg", "1", "s", "N", "yes/no" for what is 0 or 1).
+// tables ("mm", "mm^3", "deg", "1", "s", "N", "count" for what is counted, "yes/no" for what is 0
+// or 1).
 struct Quantity {
   std::string key;
   double value = 0;

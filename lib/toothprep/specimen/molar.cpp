@@ -390,6 +390,9 @@ LayeredTooth make_molar(const MolarOptions& o) {
           samples[v] = sample_molar(lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7)));
       });
   tooth.provenance["source"] = "specimen molar";
+  tooth.provenance["axis_occlusal"] = "0 0 1";
+  tooth.provenance["axis_mesial"] = "0 -1 0";
+  tooth.provenance["axis_buccal"] = "1 0 0";
   return tooth;
 }
 

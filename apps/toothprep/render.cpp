@@ -1,0 +1,273 @@
+// toothprep render: a tooth or mesh as a picture, without a display.
+#include <tbb/parallel_for.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "command.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/core/output_file.h"
+#include "toothprep/mesh/shells.h"
+#include "toothprep/raycast/triangle_tree.h"
+#include "toothprep/render/image.h"
+#include "toothprep/render/overlay.h"
+#include "toothprep/render/ply_values.h"
+#include "toothprep/render/renderer.h"
+#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/version.h"
+
+namespace toothprep::app {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+struct Options {
+  std::string input, output;
+  std::string view, size = "1200x900", cut, colour = "tissue", occlusal, mesial;
+  std::string reference, before, ghost;
+  std::vector<double> centre;
+  int samples = 4, turntable = 0;
+  double range = 0.3, zoom = 1;
+  bool no_scale = false, force = false;
+};
+
+bool has_extension(const std::string& path, const std::string& extension) {
+  std::string end = std::filesystem::path(path).extension().string();
+  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return end == extension;
+}
+
+// What there is to draw in a file, and the tooth that the part points to.
+struct Drawn {
+  std::unique_ptr<LayeredTooth> tooth;
+  RenderPart part;
+};
+
+Drawn read_drawn(const std::string& path) {
+  Drawn drawn;
+  if (has_extension(path, ".vdb")) {
+    drawn.tooth = std::make_unique<LayeredTooth>(read_tooth(path));
+    drawn.part.mesh = extract_surface(*drawn.tooth, SurfaceOf::kAll);
+    if (drawn.part.mesh.triangles.empty())
+      throw InputError(path, "grid 'solid'", "nothing remains, so there is nothing to draw");
+    drawn.part.tooth = drawn.tooth.get();
+    return drawn;
+  }
+  const Shell shell = read_shell(path);
+  TriangleMesh& mesh = drawn.part.mesh;
+  mesh.vertices.reserve(shell.points.size());
+  for (const Vec3& x : shell.points) mesh.vertices.push_back(x.cast<float>());
+  mesh.triangles = shell.triangles;
+  if (const auto tissue = vertex_property(path, mesh, "tissue"))
+    for (const float label : *tissue)
+      mesh.tissue.push_back(label >= 0 && label <= kTissueCount ? static_cast<std::uint8_t>(label)
+                                                                : 0);
+  return drawn;
+}
+
+// Signed distances of the part's vertices to the reference, or what the file itself says of them.
+void find_deviation(const Options& o, RenderPart& part) {
+  if (!o.reference.empty()) {
+    const Drawn reference = read_drawn(o.reference);
+    const TriangleTree tree(reference.part.mesh);
+    part.deviation.resize(part.mesh.vertices.size());
+    tbb::parallel_for(std::size_t{0}, part.deviation.size(), [&](std::size_t v) {
+      part.deviation[v] =
+          static_cast<float>(tree.signed_distance(part.mesh.vertices[v].cast<double>()));
+    });
+    return;
+  }
+  for (const char* name : {"deviation", "quality"})
+    if (auto values = vertex_property(o.input, part.mesh, name)) {
+      part.deviation = std::move(*values);
+      return;
+    }
+  if (o.colour == "deviation")
+    throw InputError(o.input, "--color deviation", "there is nothing to deviate from",
+                     "give --reference, or a .ply with the vertex property 'deviation'");
+}
+
+Fit fit_of(const Options& o) {
+  Fit fit;
+  int read = 0;
+  if (std::sscanf(o.size.c_str(), "%dx%d%n", &fit.width, &fit.height, &read) != 2 ||
+      read != static_cast<int>(o.size.size()))
+    throw Error("--size '" + o.size + "': give WIDTHxHEIGHT in pixels");
+  fit.zoom = o.zoom;
+  if (o.centre.size() == 3) fit.centre = Vec3(o.centre[0], o.centre[1], o.centre[2]);
+  return fit;
+}
+
+struct Drawing {
+  const Options& o;
+  ToothAxes axes;
+  View view;
+  Fit fit;
+  RenderOptions options;
+
+  Picture finished(const Image& image, bool scale) const {
+    Picture picture = picture_of(image);
+    if (scale && !o.no_scale) draw_scale_bar(picture, image.camera.mm_per_pixel);
+    return picture;
+  }
+
+  void turntable(const Renderer& renderer, const std::string& folder) const {
+    const auto angle = [&](int n) { return 2 * kPi * n / o.turntable; };
+    Fit all = fit;
+    if (!all.centre) all.centre = renderer.middle();
+    double widest = 0;  // the same scale in all frames
+    for (int n = 0; n < o.turntable; ++n) {
+      const View turn = turned(view, axes.occlusal, angle(n));
+      widest = std::max(widest, o.zoom * fit_camera(turn, renderer.meshes(), all).mm_per_pixel);
+    }
+    all.mm_per_pixel = widest;
+    for (int n = 0; n < o.turntable; ++n) {
+      const View turn = turned(view, axes.occlusal, angle(n));
+      const Image image = renderer.render(fit_camera(turn, renderer.meshes(), all), options);
+      Picture picture = finished(image, true);
+      if (o.colour == "deviation" && !o.no_scale) draw_colour_bar(picture, o.range);
+      char name[32];
+      std::snprintf(name, sizeof name, "/frame_%03d.png", n);
+      write_png(picture, folder + name);
+    }
+  }
+
+  Picture before_after(const Renderer& before, const Renderer& after) const {
+    std::vector<const TriangleMesh*> meshes = before.meshes();
+    for (const TriangleMesh* mesh : after.meshes()) meshes.push_back(mesh);
+    Fit half = fit;
+    half.width /= 2;
+    const Camera camera = fit_camera(view, meshes, half);
+    return side_by_side({finished(before.render(camera, options), true),
+                         finished(after.render(camera, options), false)});
+  }
+};
+
+void check(const Options& o) {
+  if (o.turntable > 0) {
+    if (std::filesystem::path(o.output).has_extension())
+      throw InputError(o.output, "--turntable", "the frames go into a folder",
+                       "give a name without extension");
+    if (!o.before.empty()) throw Error("--turntable and --before don't go together");
+    return;
+  }
+  const bool exr = has_extension(o.output, ".exr");
+  if (!exr && !has_extension(o.output, ".png"))
+    throw InputError(o.output, "", "a picture is written as .png or .exr");
+  if (exr && !o.before.empty())
+    throw InputError(o.output, "--before", "two teeth side by side are a .png");
+}
+
+void run(const Options& o, const Common& common) {
+  check(o);
+  const Fit fit = fit_of(o);
+  OutputFile output(o.output, o.force, o.turntable > 0);
+
+  Drawn drawn = read_drawn(o.input);
+  find_deviation(o, drawn.part);
+  drawn.part.colour = o.colour == "tissue"      ? ColourBy::kTissue
+                      : o.colour == "deviation" ? ColourBy::kDeviation
+                                                : ColourBy::kPlain;
+  std::map<std::string, std::string> known;
+  if (drawn.tooth) known = drawn.tooth->provenance;
+  if (!o.occlusal.empty()) known["axis_occlusal"] = o.occlusal;
+  if (!o.mesial.empty()) known["axis_mesial"] = o.mesial;
+  const ToothAxes axes = tooth_axes(known);
+
+  Drawn ghost;
+  std::vector<RenderPart> parts;
+  parts.push_back(std::move(drawn.part));
+  if (!o.ghost.empty()) {
+    ghost = read_drawn(o.ghost);
+    ghost.part.ghost = true;
+    parts.push_back(std::move(ghost.part));
+  }
+  const Renderer renderer(std::move(parts));
+
+  Drawing drawing{o, axes, {}, fit, {}};
+  drawing.options.samples = o.samples;
+  drawing.options.range = o.range;
+  if (!o.cut.empty()) drawing.options.cut = cut_of(o.cut, axes, renderer.middle());
+  if (!o.view.empty() || o.cut.empty()) {
+    drawing.view = view_of(o.view.empty() ? "oblique" : o.view, axes);
+  } else {  // straight at the cut
+    const Vec3& n = drawing.options.cut->normal;
+    drawing.view = {
+        o.cut, -n, std::abs(n.dot(axes.occlusal)) > 0.999 * n.norm() ? axes.buccal : axes.occlusal};
+  }
+
+  if (o.turntable > 0) {
+    drawing.turntable(renderer, output.temporary());
+  } else if (!o.before.empty()) {
+    Drawn before = read_drawn(o.before);
+    std::vector<RenderPart> alone;
+    alone.push_back(std::move(before.part));
+    Picture picture = drawing.before_after(Renderer(std::move(alone)), renderer);
+    if (o.colour == "deviation" && !o.no_scale) draw_colour_bar(picture, o.range);
+    write_png(picture, output.temporary());
+  } else {
+    const Image image =
+        renderer.render(fit_camera(drawing.view, renderer.meshes(), fit), drawing.options);
+    if (has_extension(o.output, ".exr")) {
+      write_exr(image, output.temporary(), {{"software", std::string("toothprep ") + kVersion}});
+    } else {
+      Picture picture = drawing.finished(image, true);
+      if (o.colour == "deviation" && !o.no_scale) draw_colour_bar(picture, o.range);
+      write_png(picture, output.temporary());
+    }
+  }
+  output.commit();
+  say(common, o.output + ": " + o.size + " pixels, " + drawing.view.name +
+                  (o.turntable > 0 ? ", " + std::to_string(o.turntable) + " frames" : ""));
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, const Common& common) {
+  auto* sub = app.add_subcommand("render", "Picture of a tooth or mesh as PNG or OpenEXR");
+  const auto o = std::make_shared<Options>();
+  sub->add_option("input", o->input, "Tooth (.vdb) or mesh (.ply, .stl, .obj, .off)")->required();
+  sub->add_option("-o,--output", o->output,
+                  ".png; .exr with depth, normal, tissue and deviation; a folder for --turntable")
+      ->required();
+  sub->add_option("--view", o->view,
+                  "oblique, occlusal, buccal, lingual, mesial, distal, apical, or the direction "
+                  "X,Y,Z to look from; default: oblique, or straight at the --cut");
+  sub->add_option("--size", o->size, "Pixels, WIDTHxHEIGHT")->capture_default_str();
+  sub->add_option("--samples", o->samples, "Anti-aliasing: samples per pixel, each way")
+      ->check(CLI::Range(1, 16))
+      ->capture_default_str();
+  sub->add_option("--cut", o->cut,
+                  "Remove what is in front of a plane: a side (mesial, buccal, ...) through the "
+                  "middle, or X,Y,Z,NX,NY,NZ (mm, W)");
+  sub->add_option("--color", o->colour, "What the colours show")
+      ->check(CLI::IsMember({"tissue", "deviation", "plain"}))
+      ->capture_default_str();
+  sub->add_option("--reference", o->reference,
+                  "Tooth or closed mesh from which the deviation is measured: red outside of it, "
+                  "blue inside");
+  sub->add_option("--range-mm", o->range, "Deviation at which the colours end")
+      ->capture_default_str();
+  sub->add_option("--before", o->before, "Tooth or mesh to draw at the left, to the same scale");
+  sub->add_option("--ghost", o->ghost, "Tooth or mesh to draw as a glass around it");
+  sub->add_option("--turntable", o->turntable, "Frames of a full turn about the occlusal axis")
+      ->check(CLI::Range(1, 999));
+  sub->add_option("--zoom", o->zoom, "Magnification")->capture_default_str();
+  sub->add_option("--centre", o->centre, "Place in the middle of the picture, X,Y,Z (mm, W)")
+      ->delimiter(',')
+      ->expected(3);
+  sub->add_option("--occlusal", o->occlusal,
+                  "Occlusal direction X,Y,Z; default: the file's, or +z");
+  sub->add_option("--mesial", o->mesial, "Mesial direction X,Y,Z; default: the file's, or -y");
+  sub->add_flag("--no-scale", o->no_scale, "Without scale bar and colour bar");
+  sub->add_flag("--force", o->force, "Replace an existing output");
+  sub->footer(
+      "Lengths across the picture are true (parallel projection).\n"
+      "Example: toothprep render prepared.vdb -o cut.png --cut mesial --before molar.vdb");
+  sub->callback([o, &common] { run(*o, common); });
+}
+
+}  // namespace toothprep::app

@@ -1,0 +1,156 @@
+#include "score_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+
+#include "session_options.h"
+#include "toothprep/compare/cut_surface.h"
+#include "toothprep/compare/deviation_file.h"
+#include "toothprep/core/errors.h"
+#include "toothprep/render/overlay.h"
+#include "toothprep/render/renderer.h"
+#include "toothprep/report/score_page.h"
+
+namespace toothprep::app {
+namespace {
+
+constexpr int kWidth = 720, kHeight = 540;  // pixels, of one picture
+
+// Draws pictures of the prepared region, all from the same place at the same scale.
+class Studio {
+ public:
+  explicit Studio(const Assessment& assessment) : assessment_(assessment) {
+    const PreparationFrame& frame = assessment.preparation.frame;
+    axes_ = {frame.d, frame.u, frame.v};
+    double reach = 1;  // mm, from the middle of the cut
+    const std::vector<float> depth =
+        depth_inside(assessment.preparation_surface, assessment.original.tooth);
+    for (std::size_t v = 0; v < depth.size(); ++v)
+      if (depth[v] > 0.5 * assessment.original.tooth.lattice.voxel)
+        reach = std::max(
+            reach,
+            (assessment.preparation_surface.vertices[v].cast<double>() - frame.origin).norm());
+    fit_.width = kWidth;
+    fit_.height = kHeight;
+    fit_.centre = frame.origin;
+    fit_.mm_per_pixel = 2.5 * reach / kHeight;
+    options_.samples = 2;
+    options_.ambient_rays = 32;
+  }
+
+  RenderPart prepared() const {
+    RenderPart part;
+    part.mesh = assessment_.preparation_surface;
+    part.tooth = &assessment_.prepared.tooth;
+    return part;
+  }
+  RenderPart original() const {
+    RenderPart part;
+    part.mesh = extract_surface(assessment_.original.tooth, SurfaceOf::kAll);
+    part.tooth = &assessment_.original.tooth;
+    return part;
+  }
+  // The prepared surface with one number per vertex, red where positive, blue where negative.
+  static RenderPart coloured(const TriangleMesh& surface, std::vector<float> values) {
+    RenderPart part;
+    part.mesh = surface;
+    part.deviation = std::move(values);
+    part.colour = ColourBy::kDeviation;
+    return part;
+  }
+
+  Picture draw(RenderPart part, const std::string& view) const {
+    std::vector<RenderPart> parts;
+    parts.push_back(std::move(part));
+    const Renderer renderer(std::move(parts));
+    const Camera camera = fit_camera(view_of(view, axes_), renderer.meshes(), fit_);
+    Picture picture = picture_of(renderer.render(camera, options_));
+    draw_scale_bar(picture, camera.mm_per_pixel);
+    return picture;
+  }
+
+  // Cut through the middle of the preparation, seen at the cut.
+  Picture draw_cut(RenderPart part, const Vec3& removed_side) const {
+    std::vector<RenderPart> parts;
+    parts.push_back(std::move(part));
+    const Renderer renderer(std::move(parts));
+    RenderOptions options = options_;
+    options.cut = CutPlane{assessment_.preparation.frame.origin, removed_side};
+    const View view{"cut", -removed_side, axes_.occlusal};
+    const Camera camera = fit_camera(view, renderer.meshes(), fit_);
+    Picture picture = picture_of(renderer.render(camera, options));
+    draw_scale_bar(picture, camera.mm_per_pixel);
+    return picture;
+  }
+
+  const ToothAxes& axes() const { return axes_; }
+
+ private:
+  const Assessment& assessment_;
+  ToothAxes axes_;
+  Fit fit_;
+  RenderOptions options_;
+};
+
+std::vector<float> undercut_marks(const Assessment& assessment) {
+  std::vector<float> marks(assessment.preparation_surface.vertices.size(), NAN);
+  for (const std::uint32_t t : assessment.preparation.undercut_triangles)
+    for (const std::uint32_t v : assessment.preparation_surface.triangles[t]) marks[v] = 1;
+  return marks;
+}
+
+std::vector<PagePicture> pictures_of(const Assessment& assessment) {
+  const Studio studio(assessment);
+  std::vector<PagePicture> pictures;
+  const auto add = [&](const std::string& caption, const Picture& picture) {
+    pictures.push_back({caption, png_bytes(picture)});
+  };
+  add("Before, from the occlusal", studio.draw(studio.original(), "occlusal"));
+  add("After, from the occlusal", studio.draw(studio.prepared(), "occlusal"));
+  add("After, oblique", studio.draw(studio.prepared(), "oblique"));
+  add("Cut open along the tooth", studio.draw_cut(studio.prepared(), studio.axes().buccal));
+  if (assessment.deviation) {
+    const auto deviation = [&](const char* view) {
+      Picture picture = studio.draw(
+          Studio::coloured(assessment.prepared.surface, assessment.deviation->per_vertex), view);
+      draw_colour_bar(picture, RenderOptions{}.range);
+      return picture;
+    };
+    add("Deviation from the target: red where material was left, blue where too much was taken",
+        deviation("occlusal"));
+    add("Deviation from the target, oblique", deviation("oblique"));
+  }
+  if (!assessment.preparation.undercut_triangles.empty())
+    add("Undercuts along the path of draw (red)",
+        studio.draw(Studio::coloured(assessment.preparation_surface, undercut_marks(assessment)),
+                    "oblique"));
+  return pictures;
+}
+
+}  // namespace
+
+void write_score_report(const Assessment& assessment, const ProcessOptions& process,
+                        const std::string& folder) {
+  ScorePage page;
+  page.sheet = assessment.sheet;
+  page.pictures = pictures_of(assessment);
+  page.sections = assessment.preparation.sections;
+  if (assessment.deviation) {
+    const std::vector<float>& values = assessment.deviation->per_vertex;
+    page.deviation = deviation_histogram(std::vector<double>(values.begin(), values.end()),
+                                         vertex_areas(assessment.prepared.surface));
+    for (const char* name : {"/deviation.ply", "/deviation.vtk"})
+      write_deviation(assessment.prepared.surface, values, folder + name);
+  }
+  if (assessment.trace)
+    page.trace = trace_plot(assessment.trace->rows, assessment.process->events, process);
+  write_mesh(assessment.preparation_surface, folder + "/prepared.ply");
+  const std::string path = folder + "/report.html";
+  std::ofstream out(path, std::ios::binary);
+  out << score_page_html(page);
+  out.close();
+  if (!out) throw Error(path + ": cannot be written; is the disk full?");
+}
+
+}  // namespace toothprep::app
