@@ -165,7 +165,7 @@ void add_floor(Bench& bench, const Floor& floor, const std::string& prefix) {
 // Depth, floor, walls and widths of a cavity, or of the occlusal part of a class II.
 // Returns the median depth.
 double measure_cavity(Bench& bench, const Floor& floor, const std::vector<WallFacet>& walls) {
-  Weighted depths = depths_below(floor.core, bench.facets, bench.frame(), bench.original_tree);
+  Weighted depths = depths_below(floor.facets, bench.facets, bench.frame(), bench.original_tree);
   if (depths.empty())
     throw Error(
         "the floor doesn't lie below the original's surface along the occlusal axis; is "
@@ -224,7 +224,7 @@ void measure_box(Bench& bench, int gingival, int pulpal) {
     if (wall.area < open->area) open = &wall;
   const Wall& axial = sides[static_cast<int>(opposite(open->side))];
 
-  Weighted depths = depths_below(floor.core, bench.facets, frame, bench.original_tree);
+  Weighted depths = depths_below(floor.facets, bench.facets, frame, bench.original_tree);
   bench.add_length("gingival_depth_mm", depths.quantile(0.5));
   const double step =
       bench.floors[pulpal].plane.height_at(floor.plane.centre.x(), floor.plane.centre.y()) -
