@@ -9,8 +9,11 @@
 #include "command.h"
 #include "session_options.h"
 #include "toothprep/bur/bur_library.h"
+#include "toothprep/calibrate/coupled.h"
 #include "toothprep/calibrate/fit.h"
 #include "toothprep/calibrate/fit_files.h"
+#include "toothprep/calibrate/motion.h"
+#include "toothprep/calibrate/spindle.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/core/hash.h"
 #include "toothprep/core/output_file.h"
@@ -25,14 +28,20 @@ struct Options {
   std::string tooth, bur, params, preset = "paper", output, report, params_out;
   std::vector<std::string> measured;
   std::optional<double> rotation_rate, time_step, range, noise;
-  double lowpass_hz = 0, delay_ms = 0, largest_delay_ms = 50, block_s = 0;
+  double lowpass_hz = 0, delay_ms = 0, largest_delay_ms = 50, block_s = 0, smooth_motion_ms = 0;
+  std::optional<double> stiffness, stall_torque;
+  std::string drive = "direct";
   std::string bias, unit = "N", force_on = "bur", sensor_on = "tooth", loss = "huber";
   std::vector<double> drift = {0, 0, 0}, rotation_deg = {0, 0, 0}, weight = {0, 0, 0};
   std::vector<std::string> estimate;
   int bootstrap = 1000, folds = 5;
   std::uint64_t seed = 1;
+  bool fit_droop = false;
   bool force = false, allow_gaps = false, no_plots = false, json = false;
 };
+
+constexpr double kNoisyFeed = 0.3;  // velocity noise by feed, from which it is said
+constexpr double kTorqueOff = 0.1;  // of the modelled torque, likewise
 
 Vec3 three(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 
@@ -55,6 +64,7 @@ FitOptions fit_options(const Options& o, const Parameters& parameters) {
   f.bias = bias_of(o.bias);
   f.estimate_drift = asked("drift");
   f.estimate_delay = asked("delay");
+  f.estimate_lowpass = asked("lowpass");
   f.estimate_rotation = asked("rotation");
   f.estimate_weight = asked("weight");
   f.drift = three(o.drift);
@@ -116,6 +126,25 @@ void tell(const FitResult& fit, const Common& common) {
   say(common, format("residuals %.3g N rms (R2 %.4f, %.2f %% outliers); predicted %.3g N rms (%s)",
                      fit.residual_rms, fit.residual_r2, 100 * fit.outlier_share, fit.validation_rms,
                      fit.validation.c_str()));
+  if (fit.lowpass.std > 0 && fit.lowpass.value > 2 * fit.lowpass.std)
+    say(common, format("low-pass of the sensor: time constant %.2f +- %.2g ms (corner %.3g Hz)",
+                       1e3 * fit.lowpass.value, 1e3 * fit.lowpass.std,
+                       1 / (2 * units::kPi * fit.lowpass.value)));
+  else if (fit.lowpass.std > 0)
+    say(common, format("low-pass of the sensor: none seen (time constant %.2f +- %.2g ms)",
+                       1e3 * fit.lowpass.value, 1e3 * fit.lowpass.std));
+  for (const RecordingFit& r : fit.recordings)
+    if (std::isfinite(r.torque_factor))
+      say(common, format("%s: recorded torque %.3f of the modelled, %.3g mN m rms apart",
+                         r.name.c_str(), r.torque_factor, r.torque_rms));
+  if (fit.droop && fit.droop->identifiable)
+    say(common, format("droop: N0 = %.5g +- %.2g rev/s, stall torque %.4g +- %.2g mN m",
+                       fit.droop->rate.value, fit.droop->rate.std, fit.droop->stall_torque.value,
+                       fit.droop->stall_torque.std));
+  else if (fit.droop)
+    say(common, "droop: not identifiable: " + fit.droop->why_not);
+  if (fit.replays > 0)
+    say(common, format("coupled: converged after %d rounds of replays", fit.replays));
   if (fit.constant_suffices) {
     say(common, "constant u and alpha suffice: no part of the recordings is off by more than 5 %");
   } else {
@@ -129,80 +158,219 @@ void tell(const FitResult& fit, const Common& common) {
   for (const std::string& w : fit.warnings) warn(w);
 }
 
+std::function<void(double)> percent_on(bool terminal) {
+  if (!terminal) return {};
+  return [last = -1](double done) mutable {
+    if (static_cast<int>(done * 100) == last) return;
+    last = static_cast<int>(done * 100);
+    std::fprintf(stderr, "\rmotion %3d %%", last);
+  };
+}
+
+std::vector<MeasuredRecording> read_all(const Options& o, const std::string& tooth_hash) {
+  std::vector<MeasuredRecording> recordings;
+  for (const std::string& path : o.measured) {
+    recordings.push_back(
+        read_recording(path, force_reading(o),
+                       o.drive == "coupled" ? RecordedPose::kHandle : RecordedPose::kBurOrHandle));
+    const MeasuredRecording& r = recordings.back();
+    check_same_tooth(r, tooth_hash, o.tooth);
+    if (!r.bur.empty() && r.bur != o.bur)
+      warn(path + ": was recorded with the bur " + r.bur + ", not " + o.bur);
+    const auto stalled = std::count(r.stalled.begin(), r.stalled.end(), 1);
+    if (stalled > 0)
+      warn(
+          format("%s: the bur stood still in %ld samples; they and what lies within %g ms of them "
+                 "are left out, since a stalled bur's force is not the cutting law's",
+                 path.c_str(), static_cast<long>(stalled), o.largest_delay_ms));
+  }
+  return recordings;
+}
+
+// Median of the speeds that were recorded while the bur turned; NaN if none was.
+double typical_speed(const std::vector<MeasuredRecording>& recordings) {
+  std::vector<double> speeds;
+  for (const MeasuredRecording& r : recordings)
+    for (std::size_t i = 0; i < r.rotation_rate.size(); ++i)
+      if (r.rotation_rate[i] > 0 && !r.stalled[i]) speeds.push_back(r.rotation_rate[i]);
+  if (speeds.empty()) return std::nan("");
+  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
+  std::nth_element(speeds.begin(), middle, speeds.end());
+  return *middle;
+}
+
+std::vector<RecordedMotion> motions_of(const std::vector<MeasuredRecording>& recordings,
+                                       const Options& o, double time_step, bool speed) {
+  std::vector<RecordedMotion> motions;
+  for (const MeasuredRecording& r : recordings) {
+    motions.push_back(motion_of(r, time_step, o.allow_gaps, speed));
+    auto& path = motions.back().path;
+    path = smoothed(path, o.smooth_motion_ms * 1e-3);
+    const VelocityNoise v = velocity_noise(path);
+    if (v.noise > kNoisyFeed * v.feed)
+      warn(format(
+          "%s: the velocity's noise, %.2g mm/s, is large against the feed of %.2g mm/s: the "
+          "force goes with the velocity, so smooth the motion (--smooth-motion-ms %g)",
+          r.name.c_str(), v.noise, v.feed, o.smooth_motion_ms > 0 ? 2 * o.smooth_motion_ms : 30.0));
+  }
+  return motions;
+}
+
+// The coupling and handpiece that a trace says it was made with, where they aren't the fit's.
+void compare_with_recorded(const MeasuredRecording& r, const Parameters& p) {
+  if (r.parameters_toml.empty()) return;
+  const Parameters recorded = parse_parameters(r.parameters_toml, r.name);
+  const auto differ = [&](const char* what, double own, double used) {
+    if (own != used)
+      warn(format("%s: was recorded with %s %g, the fit uses %g", r.name.c_str(), what, own, used));
+  };
+  differ("a coupling of (N/mm)", recorded.coupling.stiffness, p.coupling.stiffness);
+  differ("a damping of (N s/mm)", recorded.coupling.damping, p.coupling.damping);
+  differ("a stall torque of (mN m)", recorded.handpiece.stall_torque, p.handpiece.stall_torque);
+}
+
+struct Fitted {
+  FitResult result;
+  std::vector<ComparedRecording> recordings;
+  std::vector<ForceBasis> bases;  // of the imposed motion
+  CoupledFit coupled;
+};
+
+void fit_imposed(const std::vector<MeasuredRecording>& recordings,
+                 const std::vector<RecordedMotion>& motions, const Bur& bur,
+                 const LayeredTooth& tooth, const Parameters& parameters, const FitOptions& options,
+                 const Options& o, bool terminal, Fitted& f) {
+  f.bases = force_bases(bur, tooth, parameters, motions, percent_on(terminal));
+  if (terminal) std::fprintf(stderr, "\r            \r");
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    check_unit_by_model(recordings[r], f.bases[r], force_reading(o));
+    f.recordings.push_back(compare(recordings[r], f.bases[r], options.largest_delay,
+                                   options.lowpass_hz, options.on_handpiece));
+  }
+  f.result = fit(f.recordings, options);
+  for (ComparedRecording& r : f.recordings)
+    if (options.estimate_lowpass) set_lowpass(r, f.result.lowpass.value, false);
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    RecordingFit& own = f.result.recordings[r];
+    check_torque(recordings[r], f.bases[r], f.result, own);
+    if (std::abs(own.torque_factor - 1) > kTorqueOff)
+      f.result.warnings.push_back(
+          format("%s: the recorded torque is %.2f of what the fitted u implies",
+                 recordings[r].name.c_str(), own.torque_factor));
+  }
+  if (o.fit_droop) f.result.droop = fit_droop(motions, f.bases, f.result, o.seed);
+
+  // A stalled bur would have removed nothing where the model has it cut on.
+  double torque = 0;
+  const auto fitted = modelled_tissue(f.result);
+  for (const ForceBasis& basis : f.bases)
+    for (std::size_t i = 0; i < basis.size; ++i)
+      torque = std::max(torque, torque_at(basis, i, fitted));
+  const bool told = std::any_of(recordings.begin(), recordings.end(),
+                                [](const MeasuredRecording& r) { return !r.stalled.empty(); });
+  if (!told && torque > parameters.handpiece.stall_torque)
+    f.result.warnings.push_back(format(
+        "with the fitted values the torque reaches %.2f mN m, above the stall torque of %.2f mN m: "
+        "if the handpiece stalled, leave those spans out",
+        torque, parameters.handpiece.stall_torque));
+}
+
+void fit_handle(const std::vector<MeasuredRecording>& recordings,
+                const std::vector<RecordedMotion>& motions, const Bur& bur,
+                const LayeredTooth& tooth, const Parameters& parameters, const FitOptions& options,
+                const Common& common, Fitted& f) {
+  for (const MeasuredRecording& r : recordings) compare_with_recorded(r, parameters);
+  int iteration = 0;
+  f.coupled = fit_coupled(
+      bur, tooth, parameters, recordings, motions, options, {}, [&](const CoupledIteration& i) {
+        say(common, format("replays %d: u and alpha ask for a change of %.2g %%", ++iteration,
+                           100 * i.change));
+      });
+  f.result = std::move(f.coupled.fit);
+  f.result.replays = iteration;
+  f.recordings = f.coupled.recordings;
+  for (ComparedRecording& r : f.recordings)
+    if (options.estimate_lowpass) set_lowpass(r, f.result.lowpass.value, false);
+  if (f.coupled.stalled > 0)
+    say(common, format("the replayed bur stalls for %.2f s in all", f.coupled.stalled));
+}
+
 void run(const Options& o, const Common& common) {
   OutputFile output(o.output, o.force);
   std::unique_ptr<OutputFile> report, params_out;
   if (!o.report.empty()) report = std::make_unique<OutputFile>(o.report, o.force, true, "fit.json");
   if (!o.params_out.empty()) params_out = std::make_unique<OutputFile>(o.params_out, o.force);
+  const bool coupled = o.drive == "coupled";
+  if (o.fit_droop && o.rotation_rate)
+    throw Error(
+        "--fit-droop takes the rotation rate from the recordings: leave "
+        "--rotation-rate-rev-s away");
+  if (o.fit_droop && coupled)
+    throw Error(
+        "--fit-droop needs the bur's own motion (--drive direct): on a coupled rig the "
+        "droop changes the motion too");
 
   SessionOptions session;
   session.params = o.params;
   session.preset = o.preset;
   session.rotation_rate = o.rotation_rate;
   session.time_step = o.time_step;
-  const Parameters parameters = load_parameters(session);
+  session.stiffness = o.stiffness;
+  session.stall_torque = o.stall_torque;
+  Parameters parameters = load_parameters(session);
   const FitOptions options = fit_options(o, parameters);
 
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
   const LayeredTooth tooth = read_tooth(o.tooth);
   FitSources sources{kVersion, o.tooth, tooth_sha256(tooth), o.bur, {}};
-
-  const bool terminal = !common.quiet && isatty(2);
-  std::vector<ForceBasis> bases;
-  bases.reserve(o.measured.size());
-  std::vector<ComparedRecording> recordings;
-  for (const std::string& path : o.measured) {
-    MeasuredRecording r = read_recording(path, force_reading(o));
-    check_same_tooth(r, sources.tooth_sha256, o.tooth);
-    if (!r.bur.empty() && r.bur != o.bur)
-      warn(path + ": was recorded with the bur " + r.bur + ", not " + o.bur);
-    const auto motion = resample(r.motion, parameters.time_step, o.allow_gaps, path);
-    bases.push_back(force_basis(bur, tooth, parameters, motion,
-                                terminal
-                                    ? std::function<void(double)>([last = -1](double done) mutable {
-                                        if (static_cast<int>(done * 100) == last) return;
-                                        last = static_cast<int>(done * 100);
-                                        std::fprintf(stderr, "\rmotion %3d %%", last);
-                                      })
-                                    : std::function<void(double)>()));
-    if (terminal) std::fprintf(stderr, "\r            \r");
-    recordings.push_back(
-        compare(r, bases.back(), options.largest_delay, options.lowpass_hz, options.on_handpiece));
+  for (const std::string& path : o.measured)
     sources.recording_sha256.push_back(sha256_of_file(path));
+
+  const auto recordings = read_all(o, sources.tooth_sha256);
+  // A rate on the command line wins over the recorded speed; a coupled replay has its own.
+  const double speed = o.rotation_rate || coupled ? std::nan("") : typical_speed(recordings);
+  const bool speed_recorded = std::isfinite(speed);
+  if (o.fit_droop && !speed_recorded)
+    throw InputError(o.measured.front(), "/rotation_rate",
+                     "is missing: --fit-droop needs the speed",
+                     "record it (CSV: a column rotation_rate_rev_s)");
+  if (speed_recorded) {
+    parameters.handpiece.rotation_rate = speed;
+    for (const MeasuredRecording& r : recordings)
+      if (r.rotation_rate.empty())
+        warn(format("%s: has no speed; %g rev/s, the median of the others, is taken",
+                    r.name.c_str(), speed));
+  } else if (!coupled && parameters.handpiece.model == HandpieceModel::kDroop) {
+    warn(
+        format("the handpiece droops but no speed was recorded: u is fitted as though it turned at "
+               "%g rev/s throughout",
+               parameters.handpiece.rotation_rate));
   }
-  const FitResult result = fit(recordings, options);
+  const auto motions = motions_of(recordings, o, parameters.time_step, speed_recorded);
 
-  // A stalled bur would have removed nothing where the model has it cut on.
-  double torque = 0;
-  PerTissue<GrindingProperties> fitted = parameters.tissue;
-  for (int k = 0; k < kTissueCount; ++k)
-    if (result.tissue[k].identifiable)
-      fitted[k] = {result.tissue[k].u.value, result.tissue[k].alpha.value};
-  for (const ForceBasis& basis : bases)
-    for (std::size_t i = 0; i < basis.size; ++i)
-      torque = std::max(torque, torque_at(basis, i, fitted));
-  if (torque > parameters.handpiece.stall_torque)
-    warn(format(
-        "with the fitted values the torque reaches %.2f mN m, above the stall torque of %.2f "
-        "mN m: if the handpiece stalled, leave those spans out",
-        torque, parameters.handpiece.stall_torque));
+  Fitted f;
+  if (coupled)
+    fit_handle(recordings, motions, bur, tooth, parameters, options, common, f);
+  else
+    fit_imposed(recordings, motions, bur, tooth, parameters, options, o, !common.quiet && isatty(2),
+                f);
 
-  const std::string json = fit_json(result, sources);
+  const std::string json = fit_json(f.result, sources);
   write_text(json, output.temporary());
   if (params_out) {
-    write_text(fitted_parameters_toml(result, parameters, sources), params_out->temporary());
+    write_text(fitted_parameters_toml(f.result, parameters, sources), params_out->temporary());
     params_out->commit();
   }
   if (report) {
     write_text(json, report->temporary() + "/fit.json");
-    write_plot_tables(result, recordings, report->temporary());
+    write_plot_tables(f.result, f.recordings, report->temporary());
     if (!o.no_plots && !run_script("plot-calibration", {report->temporary()}))
       warn("the plots could not be drawn (scripts/plot-calibration); the tables are in " +
            o.report);
     report->commit();
   }
   output.commit();
-  tell(result, common);
+  tell(f.result, common);
   if (o.json) std::fputs(json.c_str(), stdout);
 }
 
@@ -215,7 +383,9 @@ void add_calibrate(CLI::App& app, const Common& common) {
   sub->add_option("--tooth", o->tooth, "Layered tooth (.vdb) as it was before the recordings")
       ->required();
   sub->add_option("--measured", o->measured,
-                  "Recordings: .h5 with /force/measured, or .csv with fx_N, fy_N, fz_N")
+                  "Recordings: .h5 with /force/measured, or .csv with fx_N, fy_N, fz_N; used where "
+                  "there: /rotation_rate, /torque, /stalled (rotation_rate_rev_s, torque_mNm, "
+                  "stalled)")
       ->required();
   sub->add_option("--bur", o->bur, "As for replay")->required();
   sub->add_option("-o,--output", o->output, "Fit to write (.json)")->required();
@@ -225,13 +395,27 @@ void add_calibrate(CLI::App& app, const Common& common) {
   sub->add_option("--preset", o->preset, "paper or physical, under the parameter file")
       ->check(CLI::IsMember({"paper", "physical"}))
       ->capture_default_str();
+  sub->add_option("--drive", o->drive,
+                  "direct: the bur's motion was recorded; coupled: the handle's, which the bur "
+                  "follows through the coupling")
+      ->check(CLI::IsMember({"direct", "coupled"}))
+      ->capture_default_str();
+  sub->add_option("--stiffness-n-per-mm", o->stiffness,
+                  "Coupling of a coupled rig, over the file's");
+  sub->add_option("--stall-torque-mnm", o->stall_torque, "Stall torque, over the file's");
   sub->add_option("--rotation-rate-rev-s", o->rotation_rate,
-                  "N of the recordings: only u/N is determined");
+                  "N of the recordings, over a recorded speed: only u/N is then determined");
+  sub->add_flag("--fit-droop", o->fit_droop,
+                "Also N0 and stall torque of N = N0 (1 - T/T_stall), from the recorded speed");
+  sub->add_option("--smooth-motion-ms", o->smooth_motion_ms,
+                  "Window of a local quadratic through the motion, for noisy positions; 0: none")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
   sub->add_option("--time-step-s", o->time_step, "Step of the motion (default 0.001)");
   sub->add_option("--estimate", o->estimate,
-                  "What else to estimate: delay, drift, rotation, weight; comma-separated")
+                  "What else to estimate: delay, drift, lowpass, rotation, weight; comma-separated")
       ->delimiter(',')
-      ->check(CLI::IsMember({"delay", "drift", "rotation", "weight"}));
+      ->check(CLI::IsMember({"delay", "drift", "lowpass", "rotation", "weight"}));
   sub->add_option("--bias", o->bias, "zero, or x,y,z in N (default: estimated per recording)");
   sub->add_option("--delay-ms", o->delay_ms, "Force behind motion")->capture_default_str();
   sub->add_option("--largest-delay-ms", o->largest_delay_ms, "Range of an estimated delay")

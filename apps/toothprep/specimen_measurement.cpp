@@ -20,9 +20,10 @@ namespace toothprep::app {
 namespace {
 
 struct Options {
-  std::string tooth, bur, trajectory, output, params, preset = "paper";
+  std::string tooth, bur, trajectory, output, params, preset = "paper", drive = "direct";
   std::vector<std::string> u, alpha;
-  std::optional<double> rotation_rate;
+  std::optional<double> rotation_rate, stiffness, stall_torque;
+  double speed_noise_percent = 0, position_noise_um = 0;
   double noise_percent = 5, noise_correlation_ms = 0, delay_ms = 0, outliers_percent = 0;
   double outlier_size = 10, lowpass_hz = 0;
   std::vector<double> bias = {0, 0, 0}, drift = {0, 0, 0}, rotation_deg = {0, 0, 0};
@@ -44,19 +45,28 @@ std::pair<int, double> named_value(const std::string& text, const char* option) 
   return {tissue_index(*tissue), value};
 }
 
-void write_csv(const Trace& trace, const std::string& path) {
+// A rig's table: of the bur's motion, or of the handle's on a coupled rig; the speed where it
+// changes, and stalls where there are any.
+void write_csv(const Trace& trace, bool coupled, bool droops, const std::string& path) {
+  bool stalls = false;
+  for (const StepRecord& row : trace.rows) stalls = stalls || row.stalled;
   CsvWriter csv(path);
   for (const char* name : {"time_s", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw", "buttons",
                            "fx_N", "fy_N", "fz_N"})
     csv.text(name);
+  if (droops) csv.text("rotation_rate_rev_s");
+  if (stalls) csv.text("stalled");
   csv.end_row();
   for (std::size_t i = 0; i < trace.rows.size(); ++i) {
     const StepRecord& row = trace.rows[i];
+    const Pose& pose = coupled ? row.handle.pose : row.bur;
     csv.number(row.handle.time);
-    for (const double x : row.bur.position) csv.number(x);
-    for (const double x : row.bur.orientation.coeffs()) csv.number(x);
+    for (const double x : pose.position) csv.number(x);
+    for (const double x : pose.orientation.coeffs()) csv.number(x);
     csv.number(row.handle.buttons);
     for (const double x : trace.measured_force[i]) csv.number(x);
+    if (droops) csv.number(row.rotation_rate);
+    if (stalls) csv.number(row.stalled ? 1 : 0);
     csv.end_row();
   }
   csv.close();
@@ -71,6 +81,8 @@ void run(const Options& o, const Common& common) {
   session.params = o.params;
   session.preset = o.preset;
   session.rotation_rate = o.rotation_rate;
+  session.stiffness = o.stiffness;
+  session.stall_torque = o.stall_torque;
   Parameters parameters = load_parameters(session);
   for (const std::string& text : o.u) {
     const auto [k, value] = named_value(text, "--u-j-per-mm3");
@@ -80,9 +92,11 @@ void run(const Options& o, const Common& common) {
     const auto [k, value] = named_value(text, "--alpha");
     parameters.tissue[k].force_ratio = value;
   }
-  // The motion is imposed: an ideal feed that no torque stops.
-  parameters.handpiece.stall_torque = std::numeric_limits<double>::infinity();
-  parameters.handpiece.model = HandpieceModel::kFixed;
+  const bool coupled = o.drive == "coupled";
+  const bool droops = parameters.handpiece.model == HandpieceModel::kDroop;
+  // Imposed motion of a fixed speed: an ideal feed that no torque stops.
+  if (!coupled && !droops)
+    parameters.handpiece.stall_torque = std::numeric_limits<double>::infinity();
   validate(parameters);
 
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
@@ -90,7 +104,8 @@ void run(const Options& o, const Common& common) {
       resample(load_trajectory(o.trajectory), parameters.time_step, o.allow_gaps, o.trajectory);
   const LayeredTooth tooth = read_tooth(o.tooth);
   Workpiece workpiece(tooth);
-  const ReplayResult r = replay(bur, workpiece, parameters, Drive::kDirect, path);
+  const ReplayResult r =
+      replay(bur, workpiece, parameters, coupled ? Drive::kCoupled : Drive::kDirect, path);
 
   std::vector<Vec3> force;
   force.reserve(r.rows.size());
@@ -108,23 +123,28 @@ void run(const Options& o, const Common& common) {
   s.rotation = three(o.rotation_deg) * units::from_degree(1);
   s.lowpass_hz = o.lowpass_hz;
   s.seed = o.seed;
+  s.speed_noise = o.speed_noise_percent / 100;
+  s.position_noise = o.position_noise_um * 1e-3;
 
   Trace trace;
   trace.rows = r.rows;
   trace.measured_force = measured_by(s, force, parameters.time_step);
+  disturb_motion_and_speed(s, trace.rows);
   trace.parameters_toml = to_toml(parameters);
   trace.tooth_sha256 = tooth_sha256(tooth);
   trace.toothprep_version = kVersion;
   trace.bur = o.bur;
-  trace.drive = "direct";
+  trace.drive = o.drive;
   trace.engine = engine_name(parameters);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
   if (extension == ".csv")
-    write_csv(trace, output.temporary());
+    write_csv(trace, coupled, droops, output.temporary());
   else
     write_trace(trace, output.temporary());
   output.commit();
+  if (r.totals.stalled_steps > 0)
+    warn(format("%s: the bur stalled in %ld steps", o.output.c_str(), r.totals.stalled_steps));
   say(common, format("%s: %.1f s, %.3g N rms in contact, noise %.3g N per axis", o.output.c_str(),
                      r.seconds_simulated, contact_rms(force), s.noise * contact_rms(force)));
 }
@@ -139,8 +159,16 @@ void add_measurement(CLI::App& specimen, const Common& common) {
   sub->add_option("-o,--output", o->output, "Recording to write (.h5 or .csv)")->required();
   sub->add_option("--tooth", o->tooth, "Layered tooth (.vdb)")->required();
   sub->add_option("--bur", o->bur, "As for replay")->required();
-  sub->add_option("--trajectory", o->trajectory, "The bur's motion: .toml, .csv or .h5")
+  sub->add_option("--trajectory", o->trajectory,
+                  "The bur's motion (the handle's with --drive coupled): .toml, .csv or .h5")
       ->required();
+  sub->add_option("--drive", o->drive, "direct: imposed motion; coupled: of the handle")
+      ->check(CLI::IsMember({"direct", "coupled"}))
+      ->capture_default_str();
+  sub->add_option("--stiffness-n-per-mm", o->stiffness, "Coupling stiffness, over the file's");
+  sub->add_option("--stall-torque-mnm", o->stall_torque,
+                  "Stall torque, over the file's; plays a part when coupled, or with a handpiece "
+                  "that droops");
   sub->add_option("--u-j-per-mm3", o->u, "Truth, e.g. enamel=0.4,dentin=0.1")->delimiter(',');
   sub->add_option("--alpha", o->alpha, "Truth, e.g. enamel=0.3,dentin=0.2")->delimiter(',');
   sub->add_option("--params", o->params, "Parameter file");
@@ -163,6 +191,13 @@ void add_measurement(CLI::App& specimen, const Common& common) {
       ->delimiter(',')
       ->expected(3);
   sub->add_option("--lowpass-hz", o->lowpass_hz, "First-order corner; 0: none")
+      ->capture_default_str();
+  sub->add_option("--speed-noise-percent", o->speed_noise_percent, "Of the recorded speed")
+      ->check(CLI::Range(0.0, 50.0))
+      ->capture_default_str();
+  sub->add_option("--position-noise-um", o->position_noise_um,
+                  "Of the recorded positions, per axis, white")
+      ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   sub->add_option("--seed", o->seed, "Of noise and outliers")->capture_default_str();
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s");

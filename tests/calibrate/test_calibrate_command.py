@@ -107,6 +107,110 @@ class Calibration(unittest.TestCase):
         self.refused("/force/measured: is missing", "calibrate", "--tooth", "block.vdb", "--measured", "plain.h5", *BUR, "-o",
                      "x.json")
 
+    # A path for what takes long: at 200 Hz, side feed and plunge in both tissues.
+    def short_path(self, name, speed, ahead=0.0):
+        points = [(-3.6, -0.8, -1.0), (-3.2, -0.8, -1.0), (0.2 + ahead, -0.8, -1.0), (0.2 + ahead, -2.0, -1.0),
+                  (-1.5, -2.0, -1.0), (-1.0, -1.6, 0.6), (-1.0, 0.5, 0.6)]
+        rows, time, rate = ["time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw"], 0.0, 200
+        def add(p):
+            rows.append(f"{time:.6f},{p[0]:.6f},{p[1]:.6f},{p[2]:.6f},-0.7071067811865476,0,0,0.7071067811865476")
+        add(points[0])
+        for a, b in zip(points, points[1:]):
+            length = sum((y - x) ** 2 for x, y in zip(a, b)) ** 0.5
+            count = max(1, round(length / speed * rate))
+            for i in range(1, count + 1):
+                time += 1 / rate
+                add([x + (y - x) * i / count for x, y in zip(a, b)])
+        self.file(name).write_text("\n".join(rows) + "\n")
+        self.file("slow.toml").write_text("[step]\ntime_step_s = 0.005\n")
+
+    TRUTH = ("--u-j-per-mm3", "enamel=0.42,dentin=0.085", "--alpha", "enamel=0.31,dentin=0.22")
+
+    def near_truth(self, name, tolerance):
+        fit = json.loads(self.file(name).read_text())
+        for tissue, u, alpha in (("enamel", 0.42, 0.31), ("dentin", 0.085, 0.22)):
+            own = fit["tissues"][tissue]
+            self.assertTrue(own["identifiable"], own["why_not"])
+            self.assertLess(abs(own["u_j_per_mm3"] / u - 1), tolerance)
+            self.assertLess(abs(own["alpha"] / alpha - 1), tolerance)
+        return fit
+
+    def test_handle_of_a_coupled_rig(self):
+        self.short_path("handle.csv", 0.8)
+        rig = ("--params", "slow.toml", "--stiffness-n-per-mm", "3")
+        self.run_good("specimen", "measurement", "--drive", "coupled", "--tooth", "block.vdb", *BUR, "--trajectory",
+                      "handle.csv", *self.TRUTH, *rig, "--noise-percent", "0", "-o", "handle-rig.h5")
+        self.run_good("calibrate", "--drive", "coupled", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR, *rig,
+                      "-o", "coupled.json", "--params-out", "coupled.toml")
+        fit = self.near_truth("coupled.json", 1e-3)
+        self.assertEqual(fit["drive"], "coupled")
+        self.assertGreaterEqual(fit["replay_iterations"], 1)
+        # The same file holds the bur's motion, which is taken unless the handle's is asked for.
+        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR, *rig, "-o", "imposed.json")
+        self.assertEqual(self.near_truth("imposed.json", 0.02)["drive"], "direct")
+        # Another coupling than the recording's is said.
+        result = self.run_binary("calibrate", "--drive", "coupled", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR,
+                                 "--params", "slow.toml", "--stiffness-n-per-mm", "2.9", "-o", "other.json")
+        self.assertIn("was recorded with a coupling", result.stderr)
+
+    def test_droop_from_recorded_speed(self):
+        self.short_path("slow.csv", 0.8)
+        self.file("droop.toml").write_text('[step]\ntime_step_s = 0.005\n[handpiece]\nmodel = "droop"\n'
+                                           "rotation_rate_rev_s = 130\nstall_torque_mnm = 4\n")
+        self.run_good("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", "slow.csv", *self.TRUTH,
+                      "--params", "droop.toml", "--noise-percent", "2", "--speed-noise-percent", "1", "-o", "droop-rig.csv")
+        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "droop-rig.csv", *BUR, "--time-step-s", "0.005",
+                      "--fit-droop", "-o", "droop.json", "--params-out", "drooped.toml")
+        fit = self.near_truth("droop.json", 0.03)
+        self.assertTrue(fit["rotation_rate_recorded"])
+        self.assertTrue(fit["droop"]["identifiable"])
+        self.assertLess(abs(fit["droop"]["rotation_rate_rev_s"] / 130 - 1), 0.005)
+        self.assertLess(abs(fit["droop"]["stall_torque_mnm"] / 4 - 1), 0.05)
+        self.assertIn('model = "droop"', self.file("drooped.toml").read_text())
+        common = ("calibrate", "--tooth", "block.vdb", *BUR, "-o", "x.json", "--fit-droop", "--measured")
+        self.refused("--fit-droop", *common, "rig.h5", "--rotation-rate-rev-s", "100")
+        self.refused("--fit-droop", *common, "rig.h5", "--drive", "coupled")
+        self.refused("needs the speed", *common, "rig.csv")
+
+    def test_h5_of_someone_else_with_the_bur_only(self):
+        import h5py
+        with h5py.File(self.file("rig.h5")) as rig, h5py.File(self.file("own.h5"), "w") as own:
+            for name in ("time", "bur/position", "bur/orientation", "force/measured"):
+                own.create_dataset(name, data=rig[name][:]).attrs["units"] = rig[name].attrs["units"]
+        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "own.h5", *BUR, "--estimate", "delay", "-o", "own.json")
+        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "--estimate", "delay", "-o",
+                      "whole.json")
+        a, b = (json.loads(self.file(n).read_text())["tissues"]["enamel"]["u_j_per_mm3"] for n in ("own.json", "whole.json"))
+        self.assertAlmostEqual(a, b, places=9)
+        self.refused("/handle/position: is missing", "calibrate", "--drive", "coupled", "--tooth", "block.vdb", "--measured",
+                     "own.h5", *BUR, "-o", "x.json")
+
+    def test_same_for_any_number_of_threads(self):
+        texts = []
+        for threads in ("1", "4"):
+            self.run_good("--threads", threads, "calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", "rig.h5", *BUR,
+                          "--estimate", "delay", "-o", "threads.json", "--force")
+            texts.append(self.file("threads.json").read_text())
+        self.assertEqual(*texts)
+
+    def test_noisy_motion_and_stalls_are_said(self):
+        self.run_good("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "--position-noise-um", "3",
+                      "-o", "shaky.csv")
+        result = self.run_binary("calibrate", "--tooth", "block.vdb", "--measured", "shaky.csv", *BUR, "-o", "shaky.json")
+        self.assertIn("--smooth-motion-ms", result.stderr)
+        result = self.run_binary("calibrate", "--tooth", "block.vdb", "--measured", "shaky.csv", *BUR, "-o", "smooth.json",
+                                 "--smooth-motion-ms", "100")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertNotIn("velocity's noise", result.stderr)
+        own = json.loads(self.file("smooth.json").read_text())["tissues"]["enamel"]
+        self.assertLess(abs(own["u_j_per_mm3"] / 0.3 - 1), 0.05)
+        lines = self.file("rig.csv").read_text().splitlines()
+        still = [lines[0] + ",stalled"] + [f"{line},{1 if 3000 <= i < 3200 else 0}" for i, line in enumerate(lines[1:])]
+        self.file("still.csv").write_text("\n".join(still) + "\n")
+        result = self.run_binary("calibrate", "--tooth", "block.vdb", "--measured", "still.csv", *BUR, "-o", "still.json")
+        self.assertIn("stood still in 200 samples", result.stderr)
+        self.assertGreaterEqual(json.loads(self.file("still.json").read_text())["recordings"][0]["samples_stalled"], 200)
+
     def test_bad_options(self):
         common = ("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "-o", "x.json")
         self.refused("--bias", *common, "--bias", "none")

@@ -28,6 +28,8 @@ constexpr double kUseless = 0.6;            // likewise: beyond, it isn't even l
 constexpr double kSmallPart = 0.01;         // tangential by normal squares: they cancel
 constexpr double kLargestLog = 30;          // of u, N/mm²
 constexpr std::size_t kQuietSamples = 100;  // that a noise is estimated from
+constexpr double kLeastTurn = 1;            // degrees rms: less of a turn doesn't tell a weight
+constexpr double kAlike = 0.8;              // correlation, from which delay and low-pass are alike
 
 std::string text(const char* pattern, auto... values) {
   char line[400];
@@ -213,7 +215,8 @@ struct Linear {
 Linear solve_linear(const Recordings& recordings, const std::vector<Chunk>& chunks,
                     const FreeSet& free, ModelState state, std::size_t stride, int passes) {
   // Logarithms of free tissues at 0: u = w = 1.
-  for (int i = 0; i < kDelay; ++i) state.shared[i] = 0;
+  for (int i = 0; i < kDelay; ++i)
+    if (free.shared[static_cast<std::size_t>(i)] >= 0) state.shared[i] = 0;
   state.columns = free.columns();
   Linear linear;
   linear.x = Eigen::VectorXd::Zero(free.size);
@@ -257,14 +260,17 @@ bool all_positive(const Linear& linear, const FreeSet& free) {
 // The free parameters for a state's modes and what is asked for.
 struct Asked {
   bool bias, drift, delay, rotation, weight;
+  bool lowpass = false;
 };
 FreeSet free_set(const ModelState& state, std::size_t recordings, const Asked& asked) {
   FreeSet free(recordings);
   for (int k = 0; k < kTissueCount; ++k) {
     if (state.mode[k] == TissueMode::kFree) free.free_shared(2 * k);
-    if (state.mode[k] != TissueMode::kOff) free.free_shared(2 * k + 1);
+    if (state.mode[k] == TissueMode::kFree || state.mode[k] == TissueMode::kTied)
+      free.free_shared(2 * k + 1);
   }
   if (asked.delay) free.free_shared(kDelay);
+  if (asked.lowpass) free.free_shared(kLowpass);
   for (int i = 0; i < 3; ++i) {
     if (asked.rotation) free.free_shared(kRotation + i);
     if (asked.weight) free.free_shared(kWeight + i);
@@ -318,8 +324,8 @@ class Fitter {
  public:
   Fitter(const Recordings& recordings, const FitOptions& options)
       : recordings_(recordings), o_(options) {
-    asked_ = {!o_.bias.has_value(), o_.estimate_drift, o_.estimate_delay, o_.estimate_rotation,
-              o_.estimate_weight};
+    asked_ = {!o_.bias.has_value(), o_.estimate_drift,  o_.estimate_delay,
+              o_.estimate_rotation, o_.estimate_weight, o_.estimate_lowpass};
   }
 
   FitResult run() {
@@ -338,6 +344,8 @@ class Fitter {
       suspicions();
       adequacy();
     }
+    result_.lowpass.value = lowpass_ + state_.shared[kLowpass];
+    state_.shared[kLowpass] = 0;
     result_.state = state_;
     return std::move(result_);
   }
@@ -357,8 +365,19 @@ class Fitter {
   void suspicions();
   void adequacy();
 
-  FreeSet free() const { return free_set(state_, recordings_.size(), asked_); }
+  FreeSet free() const {
+    Asked now = asked_;
+    now.lowpass = now.lowpass && !no_lowpass_;
+    return free_set(state_, recordings_.size(), now);
+  }
   void set_linear(const Linear& linear, const FreeSet& set);
+  void check_weight();
+  void filter_at(double time_constant);
+  double minimise_from(ModelState& state, const FreeSet& set, std::size_t stride) const {
+    return minimise(recordings_, chunks_, set, o_, stride, state);
+  }
+  // What a tissue becomes that isn't fitted: absent, or held where the replay was linearised.
+  TissueMode aside() const { return linearised_ ? TissueMode::kHeld : TissueMode::kOff; }
   ColumnSizes column_sizes(int k) const;
 
   Recordings recordings_;  // with sigma
@@ -369,9 +388,12 @@ class Fitter {
   std::vector<Chunk> chunks_;
   std::vector<std::vector<char>> contact_;  // per recording and sample
   std::size_t stride_ = 1;
-  double force_rms_ = 0;   // N, measured, about its median
-  Eigen::MatrixXd steps_;  // of the bootstrap, free parameters x replicates
-  Eigen::VectorXd std_;    // of the free parameters
+  bool linearised_ = false;
+  double lowpass_ = 0;       // s, of the recordings' filters
+  bool no_lowpass_ = false;  // the search ended below zero: held there
+  double force_rms_ = 0;     // N, measured, about its median
+  Eigen::MatrixXd steps_;    // of the bootstrap, free parameters x replicates
+  Eigen::VectorXd std_;      // of the free parameters
   PerTissue<std::size_t> tissue_blocks_{};
 };
 
@@ -385,6 +407,8 @@ void Fitter::prepare() {
   bool touched = false;
   double square = 0;
   result_.rotation_rate = recordings_.front().basis->rotation_rate;
+  for (const ComparedRecording& r : recordings_)
+    result_.speed_recorded = result_.speed_recorded || r.basis->speed_recorded;
   for (ComparedRecording& r : recordings_) {
     if (r.time.size() < 20) throw Error(r.name + ": fewer than 20 usable samples");
     if (r.basis->rotation_rate != result_.rotation_rate)
@@ -415,6 +439,9 @@ void Fitter::prepare() {
   double duration = 0;
   for (const ComparedRecording& r : recordings_) duration += r.time.back() - r.time.front();
   chunks_ = chunks_of(recordings_, duration / kFirstChunks);
+  linearised_ = recordings_.front().basis->offset.cols() > 0;
+  lowpass_ = o_.lowpass_hz > 0 ? 1 / (2 * units::kPi * o_.lowpass_hz) : 0;
+  check_weight();
 
   state_.loss = o_.loss;
   state_.shared[kDelay] = o_.delay;
@@ -428,16 +455,62 @@ void Fitter::prepare() {
     const double quiet = quiet_noise(recordings_[r], contact_[r]);
     result_.recordings[r].name = recordings_[r].name;
     result_.recordings[r].samples = recordings_[r].time.size();
+    result_.recordings[r].stalled = recordings_[r].stalled;
     result_.recordings[r].quiet_noise = quiet;
     double sigma = o_.noise.value_or(std::isfinite(quiet) ? quiet : 0.05 * force_rms_);
     recordings_[r].sigma = std::max(sigma, 1e-6 * force_rms_);
   }
   for (int k = 0; k < kTissueCount; ++k) {
     state_.tied_ratio[k] = o_.start[k].force_ratio;
-    state_.mode[k] = result_.tissue[k].touched > 0 ? TissueMode::kFree : TissueMode::kOff;
+    state_.mode[k] = result_.tissue[k].touched > 0 ? TissueMode::kFree : aside();
+    const double u = std::max(o_.start[k].specific_energy, 1e-3);
+    state_.shared[2 * k] = std::log(u);
+    state_.shared[2 * k + 1] = std::log(u / o_.start[k].force_ratio);
     if (result_.tissue[k].touched > 0 && result_.tissue[k].touched < kLeastTouched)
       state_.mode[k] = TissueMode::kTied;
   }
+}
+
+// A weight that doesn't turn in the sensor's frame is a bias. What tells it from one is the turn of
+// the sensor, about more than the weight's own axis.
+void Fitter::check_weight() {
+  if (!asked_.weight || !asked_.bias) return;
+  Mat3 turn = Mat3::Zero();
+  double samples = 0;
+  for (const ComparedRecording& r : recordings_) {
+    Mat3 mean = Mat3::Zero();
+    const auto n = static_cast<double>(r.frame.size());
+    for (const Quat& q : r.frame) mean += q.conjugate().toRotationMatrix() / n;
+    for (const Quat& q : r.frame) {
+      const Mat3 d = q.conjugate().toRotationMatrix() - mean;
+      turn += d.transpose() * d;
+    }
+    samples += n;
+  }
+  const Eigen::SelfAdjointEigenSolver<Mat3> eigen(turn / samples);
+  const double least = units::from_degree(kLeastTurn);
+  if (eigen.eigenvalues()[0] > least * least) return;
+  const Vec3 axis = eigen.eigenvectors().col(0);
+  result_.weight_why_not =
+      eigen.eigenvalues()[2] > least * least
+          ? text(
+                "the handpiece turned about (%.2f, %.2f, %.2f) only, and its weight along that "
+                "axis can't be told from the sensor's bias: turn it about another axis too",
+                axis.x(), axis.y(), axis.z())
+          : text(
+                "the bur never turned (%.1f degrees rms), so the handpiece's weight can't be told "
+                "from the sensor's bias: turn it by some 20 degrees, or give the bias or the "
+                "weight",
+                units::to_degree(std::sqrt(std::max(0.0, eigen.eigenvalues()[2]))));
+  result_.warnings.push_back("handpiece weight not identifiable: " + result_.weight_why_not);
+  asked_.weight = false;
+}
+
+void Fitter::filter_at(double time_constant) {
+  lowpass_ = std::clamp(time_constant, 0.0, o_.largest_lowpass);
+  state_.shared[kLowpass] = 0;
+  tbb::parallel_for(std::size_t{0}, recordings_.size(),
+                    [&](std::size_t r) { set_lowpass(recordings_[r], lowpass_, asked_.lowpass); });
 }
 
 void Fitter::set_linear(const Linear& linear, const FreeSet& set) {
@@ -490,16 +563,30 @@ void Fitter::first_guess() {
       }
     }
   }
-  if (asked_.delay) {
+  const auto find_delay = [&] {
     best_delay(-o_.largest_delay, o_.largest_delay, o_.largest_delay / 10);
     const double centre = state_.shared[kDelay], step = o_.largest_delay / 50;
     best_delay(centre - 5 * step, centre + 5 * step, step);
+  };
+  if (asked_.lowpass) {
+    // By profile: at each time constant the delay that suits it best.
+    double best = std::numeric_limits<double>::infinity(), at = 0, delay = o_.delay;
+    for (double tau = 0; tau <= o_.largest_lowpass; tau = tau == 0 ? 5e-4 : 2 * tau) {
+      filter_at(tau);
+      if (asked_.delay) find_delay();
+      const double cost = cost_of(state_, false);
+      if (cost < best) best = cost, at = tau, delay = state_.shared[kDelay];
+    }
+    filter_at(at);
+    state_.shared[kDelay] = delay;
+  } else if (asked_.delay) {
+    find_delay();
   }
   if (asked_.rotation) {
     // Before anything is judged, the rotation has to be right.
     const FreeSet all = free();
     set_linear(solve_linear(recordings_, chunks_, set, state_, stride_, 4), set);
-    minimise(recordings_, chunks_, all, o_, stride_, state_);
+    minimise_from(state_, all, stride_);
   }
 }
 
@@ -609,14 +696,16 @@ void Fitter::choose_modes() {
         t.why_not = text("too little excitation (touched %.2f s; u/alpha to about %.0f %%)",
                          t.touched, 100 * std::min(most, 9.99));
       if (share < kLeastShare * all || most >= 9.99) {
-        state_.mode[k] = TissueMode::kOff;
+        state_.mode[k] = aside();
+        state_.shared[2 * k] = std::log(std::max(o_.start[k].specific_energy, 1e-3));
+        state_.shared[2 * k + 1] = state_.shared[2 * k] - std::log(o_.start[k].force_ratio);
       } else {
         break;  // modelled, not reported
       }
     }
   }
   bool any = false;
-  for (int k = 0; k < kTissueCount; ++k) any = any || state_.mode[k] != TissueMode::kOff;
+  for (int k = 0; k < kTissueCount; ++k) any = any || state_.mode[k] != aside();
   if (!any) {
     std::string why;
     for (int k = 0; k < kTissueCount; ++k)
@@ -645,12 +734,13 @@ void Fitter::search() {
       set_linear(solve_linear(recordings_, chunks_, linear_set, state_, stride_, 5), linear_set);
     } else {
       for (int k = 0; k < kTissueCount; ++k) {
+        if (state_.mode[k] == TissueMode::kHeld) continue;
         const double u = std::max(factor * o_.start[k].specific_energy, 1e-3);
         state_.shared[2 * k] = std::log(u);
         state_.shared[2 * k + 1] = std::log(u / o_.start[k].force_ratio);
       }
     }
-    costs.push_back(minimise(recordings_, chunks_, set, o_, stride_, state_));
+    costs.push_back(minimise_from(state_, set, stride_));
     ends.push_back(state_);
   }
   const auto best =
@@ -666,7 +756,6 @@ void Fitter::search() {
 // The residuals' own size in contact, where it isn't given: it holds what noise and model together
 // leave.
 void Fitter::settle_noise() {
-  const FreeSet set = free();
   for (int round = 0; round < 2; ++round) {
     for (std::size_t r = 0; r < recordings_.size(); ++r) {
       const auto modelled = modelled_force(recordings_[r], state_.own[r], state_);
@@ -680,7 +769,14 @@ void Fitter::settle_noise() {
           std::max(o_.noise ? std::max(*o_.noise, robust_scale(residual)) : robust_scale(residual),
                    1e-6 * force_rms_);
     }
-    minimise(recordings_, chunks_, set, o_, round == 0 ? stride_ : 1, state_);
+    // The filter is linear about its time constant only; below zero there is none.
+    for (int pass = 0; asked_.lowpass && !no_lowpass_ && pass < 2; ++pass) {
+      no_lowpass_ = lowpass_ + state_.shared[kLowpass] <= 0;
+      filter_at(lowpass_ + state_.shared[kLowpass]);
+      minimise_from(state_, free(), stride_);
+    }
+    if (asked_.lowpass && !no_lowpass_) filter_at(lowpass_ + state_.shared[kLowpass]);
+    minimise_from(state_, free(), round == 0 ? stride_ : 1);
   }
   for (std::size_t r = 0; r < recordings_.size(); ++r)
     result_.recordings[r].noise = recordings_[r].sigma;
@@ -690,6 +786,7 @@ void Fitter::settle_noise() {
 void Fitter::polish() {
   const FreeSet set = free();
   for (int pass = 0; pass < 3; ++pass) {
+    if (asked_.lowpass && !no_lowpass_) filter_at(lowpass_ + state_.shared[kLowpass]);
     const auto sums = normal_sums(recordings_, chunks_, state_, Weighting::kWeights);
     FreeSums total(set.size);
     for (std::size_t i = 0; i < chunks_.size(); ++i)
@@ -704,6 +801,7 @@ void Fitter::polish() {
           state_.own[r][i] += step[p];
   }
   state_.shared[kDelay] = std::clamp(state_.shared[kDelay], -o_.largest_delay, o_.largest_delay);
+  state_.shared[kLowpass] = std::max(state_.shared[kLowpass], -lowpass_);
 }
 
 void Fitter::block_length() {
@@ -747,6 +845,7 @@ double inflation(std::size_t blocks, int parameters) {
 }
 
 void Fitter::uncertainty() {
+  no_lowpass_ = false;  // how far from zero it might be is wanted all the same
   const FreeSet set = free();
   const auto sums = normal_sums(recordings_, chunks_, state_, Weighting::kSlope);
   steps_ = block_bootstrap(sums, chunks_, set, o_.bootstrap, o_.seed);
@@ -770,6 +869,20 @@ void Fitter::uncertainty() {
   delay.std = asked_.delay ? std_[set.shared[kDelay]] : 0;
   delay.low = delay.value - 1.96 * delay.std;
   delay.high = delay.value + 1.96 * delay.std;
+  Estimate& lowpass = result_.lowpass;
+  lowpass.value = lowpass_ + state_.shared[kLowpass];
+  lowpass.std = asked_.lowpass ? std_[set.shared[kLowpass]] : 0;
+  lowpass.low = std::max(0.0, lowpass.value - 1.96 * lowpass.std);
+  lowpass.high = lowpass.value + 1.96 * lowpass.std;
+  if (asked_.lowpass && asked_.delay) {
+    const Eigen::VectorXd a = steps_.row(set.shared[kDelay]), b = steps_.row(set.shared[kLowpass]);
+    result_.delay_lowpass_correlation = a.dot(b) / std::max(a.norm() * b.norm(), 1e-300);
+    if (std::abs(result_.delay_lowpass_correlation) > kAlike)
+      result_.warnings.push_back(
+          text("delay and low-pass look alike in these recordings (correlation %.2f): their sum, "
+               "%.2f ms, is known better than either; sharp changes of the force tell them apart",
+               result_.delay_lowpass_correlation, 1e3 * (delay.value + lowpass.value)));
+  }
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
     result_.recordings[r].bias = state_.own[r].head<3>();
     result_.recordings[r].drift = state_.own[r].tail<3>();
@@ -954,8 +1067,7 @@ void Fitter::suspicions() {
   // clearly less.
   const auto cost_with = [&](const Asked& more, ModelState& trial) {
     trial = state_;
-    return minimise(recordings_, chunks_, free_set(trial, recordings_.size(), more), o_, stride_,
-                    trial);
+    return minimise_from(trial, free_set(trial, recordings_.size(), more), stride_);
   };
   constexpr double kClearly = 0.01;  // chance alone makes 0.1 %
   ModelState trial;
@@ -1094,6 +1206,20 @@ void Fitter::adequacy() {
 }
 
 }  // namespace
+
+PerTissue<GrindingProperties> modelled_tissue(const FitResult& fit) {
+  PerTissue<GrindingProperties> tissue;
+  for (int k = 0; k < kTissueCount; ++k) {
+    const TissueMode mode = fit.state.mode[k];
+    tissue[k] = {0, 1};
+    if (mode == TissueMode::kOff) continue;
+    const double w = std::exp(fit.state.shared[2 * k + 1]);
+    const double u =
+        mode == TissueMode::kTied ? fit.state.tied_ratio[k] * w : std::exp(fit.state.shared[2 * k]);
+    tissue[k] = {u, u / w};
+  }
+  return tissue;
+}
 
 FitResult fit(const std::vector<ComparedRecording>& recordings, const FitOptions& options) {
   return Fitter(recordings, options).run();

@@ -27,12 +27,14 @@ struct FitOptions {
   double delay = 0;             // s, of the force behind the motion
   double largest_delay = 0.05;  // s
   bool estimate_rotation = false;
-  Vec3 rotation = Vec3::Zero();  // rotation vector, rad: takes sensor to W (or to B)
-  bool on_handpiece = false;     // the sensor turns with the bur
-  bool estimate_weight = false;  // of the handpiece; needs on_handpiece and a bur that turns
-  Vec3 weight = Vec3::Zero();    // N, W
-  double lowpass_hz = 0;         // first-order corner of the sensor; 0: none
-  std::optional<double> noise;   // N per axis; absent: from spans without contact
+  Vec3 rotation = Vec3::Zero();   // rotation vector, rad: takes sensor to W (or to B)
+  bool on_handpiece = false;      // the sensor turns with the bur
+  bool estimate_weight = false;   // of the handpiece; needs on_handpiece and a bur that turns
+  Vec3 weight = Vec3::Zero();     // N, W
+  double lowpass_hz = 0;          // first-order corner of the sensor; 0: none
+  bool estimate_lowpass = false;  // its time constant; starts anywhere
+  double largest_lowpass = 0.05;  // s
+  std::optional<double> noise;    // N per axis; absent: from spans without contact
 
   RobustLoss loss = RobustLoss::kHuber;
   int bootstrap = 1000;  // replicates
@@ -61,15 +63,29 @@ struct TissueFit {
   double removed = 0;     // mm³
 };
 
+// The handpiece's droop N = N0 (1 - T / tau_s), from recorded speeds (spindle.h).
+struct DroopFit {
+  bool identifiable = false;
+  std::string why_not;
+  Estimate rate;            // N0, rev/s
+  Estimate stall_torque;    // tau_s, N·mm
+  double correlation = 0;   // between the two
+  double residual_rms = 0;  // rev/s
+  double largest_fall = 0;  // of the speed, as a share of N0 (99 % quantile)
+};
+
 struct RecordingFit {
   std::string name;
   std::size_t samples = 0;
-  Vec3 bias = Vec3::Zero(), bias_std = Vec3::Zero();    // N
+  std::size_t stalled = 0;                            // samples left out since the bur stood still
+  Vec3 bias = Vec3::Zero(), bias_std = Vec3::Zero();  // N
   Vec3 drift = Vec3::Zero(), drift_std = Vec3::Zero();  // N/s
   double noise = 0;                                     // N, per axis, as weighted in the end
   double quiet_noise = 0;     // N, of the spans without contact; NaN if there are too few
   double residual_rms = 0;    // N, of the 3-vector, without outliers
   double validation_rms = 0;  // N, predicted without this recording (or fold); NaN if not
+  // Of a recorded torque: by the modelled one, and what is left, N·mm. NaN if there is none.
+  double torque_factor = std::numeric_limits<double>::quiet_NaN(), torque_rms = torque_factor;
 };
 
 // How much more or less force than modelled there is in one part of the samples.
@@ -81,10 +97,16 @@ struct AdequacyBin {
 
 struct FitResult {
   PerTissue<TissueFit> tissue;
-  double rotation_rate = 0;                                   // N, rev/s, that u is for
+  double rotation_rate = 0;     // N, rev/s, that u is for
+  bool speed_recorded = false;  // then u itself is known, and rotation_rate is only typical
+  std::optional<DroopFit> droop;
+  int replays = 0;                                            // iterations of a coupled fit
   Estimate delay;                                             // s
   Vec3 rotation = Vec3::Zero(), rotation_std = Vec3::Zero();  // rad
   Vec3 weight = Vec3::Zero(), weight_std = Vec3::Zero();      // N
+  std::string weight_why_not;                                 // asked for, but not to be told
+  Estimate lowpass;                                           // time constant of the sensor, s
+  double delay_lowpass_correlation = 0;                       // where both were estimated
   std::vector<RecordingFit> recordings;
   double residual_rms = 0, residual_r2 = 0;  // N of the 3-vector; without outliers
   double outlier_share = 0;                  // samples beyond kOutlierSigmas on an axis
@@ -103,6 +125,10 @@ struct FitResult {
   std::vector<std::string> warnings;
   ModelState state;
 };
+
+// u and alpha as they stand in the fit's model, those that aren't identifiable among them; zero
+// where a tissue makes no force.
+PerTissue<GrindingProperties> modelled_tissue(const FitResult& fit);
 
 // One basis per recording, all at the same rotation rate. Throws Error for options that contradict
 // each other, for recordings that never touch the tooth, and if the fit fails.

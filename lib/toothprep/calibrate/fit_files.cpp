@@ -32,8 +32,11 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
   j["tooth_sha256"] = sources.tooth_sha256;
   j["bur"] = sources.bur;
   j["rotation_rate_rev_s"] = fit.rotation_rate;
+  j["rotation_rate_recorded"] = fit.speed_recorded;
   j["rotation_rate_note"] =
-      "forces determine u/N only: u is for this rotation rate and scales with it";
+      fit.speed_recorded
+          ? "the speed was recorded: u holds as it is; this rate is the recordings' median"
+          : "forces determine u/N only: u is for this rotation rate and scales with it";
   for (int k = 0; k < kTissueCount; ++k) {
     const TissueFit& t = fit.tissue[k];
     Json& out = j["tissues"][std::string(kTissueNames[k])];
@@ -60,7 +63,28 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
   j["delay_std_s"] = fit.delay.std;
   j["sensor_rotation_deg"] = vector(fit.rotation * units::to_degree(1));
   j["sensor_rotation_std_deg"] = vector(fit.rotation_std * units::to_degree(1));
-  j["handpiece_weight_n"] = vector(fit.weight);
+  j["handpiece_weight_n"] = fit.weight_why_not.empty() ? vector(fit.weight) : Json(nullptr);
+  j["handpiece_weight_why_not"] =
+      fit.weight_why_not.empty() ? Json(nullptr) : Json(fit.weight_why_not);
+  j["lowpass_time_constant_s"] = fit.lowpass.value;
+  j["lowpass_time_constant_std_s"] = fit.lowpass.std;
+  j["delay_lowpass_correlation"] = fit.delay_lowpass_correlation;
+  if (fit.droop) {
+    const DroopFit& d = *fit.droop;
+    j["droop"] = {{"identifiable", d.identifiable},
+                  {"why_not", d.identifiable ? Json(nullptr) : Json(d.why_not)},
+                  {"rotation_rate_rev_s", number(d.rate.value)},
+                  {"rotation_rate_std_rev_s", number(d.rate.std)},
+                  {"rotation_rate_ci95_rev_s", interval(d.rate)},
+                  {"stall_torque_mnm", number(d.stall_torque.value)},
+                  {"stall_torque_std_mnm", number(d.stall_torque.std)},
+                  {"stall_torque_ci95_mnm", interval(d.stall_torque)},
+                  {"correlation", d.correlation},
+                  {"residual_rms_rev_s", d.residual_rms},
+                  {"largest_fall", d.largest_fall}};
+  }
+  j["drive"] = fit.replays > 0 ? "coupled" : "direct";
+  if (fit.replays > 0) j["replay_iterations"] = fit.replays;
   j["residual_rms_n"] = fit.residual_rms;
   j["residual_r2"] = fit.residual_r2;
   j["outlier_share"] = fit.outlier_share;
@@ -86,6 +110,7 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
     out["file"] = own.name;
     if (r < sources.recording_sha256.size()) out["sha256"] = sources.recording_sha256[r];
     out["samples"] = own.samples;
+    out["samples_stalled"] = own.stalled;
     out["bias_n"] = vector(own.bias);
     out["bias_std_n"] = vector(own.bias_std);
     out["drift_n_per_s"] = vector(own.drift);
@@ -93,6 +118,10 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
     out["noise_n"] = number(own.noise);
     out["noise_without_contact_n"] = number(own.quiet_noise);
     out["residual_rms_n"] = own.residual_rms;
+    if (std::isfinite(own.torque_factor)) {
+      out["torque_factor"] = own.torque_factor;  // measured by modelled
+      out["torque_residual_rms_mnm"] = own.torque_rms;
+    }
     if (fit.recordings.size() > 1) out["validation_rms_n"] = number(own.validation_rms);
     j["recordings"].push_back(out);
   }
@@ -110,11 +139,29 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
 std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
                                    const FitSources& sources) {
   Parameters p = base;
-  p.handpiece.rotation_rate = fit.rotation_rate;
-  std::string text = "# Fitted by toothprep calibrate " + sources.toothprep_version +
-                     " to measured forces.\n# Forces determine u/N: the specific energies hold for "
-                     "the rotation rate below and scale with it.\n";
+  // With a recorded speed u holds as it is; a drooping handpiece's N0 is then not the median speed.
+  if (!(fit.speed_recorded && p.handpiece.model == HandpieceModel::kDroop))
+    p.handpiece.rotation_rate = fit.rotation_rate;
+  std::string text =
+      "# Fitted by toothprep calibrate " + sources.toothprep_version + " to measured forces.\n";
+  text +=
+      fit.speed_recorded
+          ? "# The rotation rate was recorded, so the specific energies hold as they are.\n"
+          : "# Forces determine u/N: the specific energies hold for the rotation rate below and "
+            "scale with it.\n";
   char line[300];
+  if (fit.droop && fit.droop->identifiable) {
+    p.handpiece.model = HandpieceModel::kDroop;
+    p.handpiece.stall_rule = StallRule::kTrial;
+    p.handpiece.rotation_rate = fit.droop->rate.value;
+    p.handpiece.stall_torque = fit.droop->stall_torque.value;
+    std::snprintf(line, sizeof line,
+                  "# handpiece: N0 = %.5g +- %.2g rev/s, stall torque %.4g +- %.2g mN m, from the "
+                  "recorded speed\n",
+                  fit.droop->rate.value, fit.droop->rate.std, fit.droop->stall_torque.value,
+                  fit.droop->stall_torque.std);
+    text += line;
+  }
   for (int k = 0; k < kTissueCount; ++k) {
     const TissueFit& t = fit.tissue[k];
     const std::string name(kTissueNames[k]);

@@ -1,7 +1,10 @@
 #include "toothprep/calibrate/force_basis.h"
 
+#include <tbb/parallel_for.h>
+
 #include <cmath>
 #include <limits>
+#include <mutex>
 
 #include "toothprep/core/errors.h"
 #include "toothprep/core/units.h"
@@ -48,7 +51,7 @@ double torque_at(const ForceBasis& basis, std::size_t i,
 }
 
 ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Parameters& parameters,
-                       const std::vector<HandleSample>& path,
+                       const std::vector<HandleSample>& path, const SpindleRecord& spindle,
                        const std::function<void(double)>& progress) {
   if (path.size() < 2) throw Error("a recorded motion needs at least two samples");
   Parameters unit = parameters;
@@ -59,13 +62,14 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
   Workpiece workpiece(tooth);
   const auto engine = make_engine(bur, workpiece, unit, path.front().pose, kElementSize);
   const SurfaceElements shank = bur.shank_elements(kShankElementSize);
-  const double h = unit.time_step, rate = unit.handpiece.rotation_rate;
+  const double h = unit.time_step;
 
   ForceBasis basis;
   basis.start = path.front().time;
   basis.step = h;
   basis.size = path.size();
-  basis.rotation_rate = rate;
+  basis.rotation_rate = unit.handpiece.rotation_rate;
+  basis.speed_recorded = !spindle.rate.empty();
   basis.area.assign(path.size(), 0);
   basis.removal.assign(path.size(), 0);
   basis.axial.assign(path.size(), 0);
@@ -73,7 +77,9 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
 
   for (std::size_t i = 1; i < path.size(); ++i) {
     const Pose &before = path[i - 1].pose, &pose = path[i].pose;
-    if (!(path[i].buttons & kPedalButton)) {
+    const double rate = basis.speed_recorded ? spindle.rate[i] : basis.rotation_rate;
+    const bool stalled = (!spindle.stalled.empty() && spindle.stalled[i]) || !(rate > 0);
+    if (!(path[i].buttons & kPedalButton) || stalled) {
       engine->pause(before);
       continue;
     }
@@ -113,6 +119,30 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
   engine->finish(path.back().pose);
   for (int k = 0; k < kTissueCount; ++k) basis.tissue[k].removed = engine->removed()[k];
   return basis;
+}
+
+std::vector<ForceBasis> force_bases(const Bur& bur, const LayeredTooth& tooth,
+                                    const Parameters& parameters,
+                                    const std::vector<RecordedMotion>& motions,
+                                    const std::function<void(double)>& progress) {
+  std::vector<ForceBasis> bases(motions.size());
+  double all = 0;
+  for (const RecordedMotion& m : motions) all += static_cast<double>(m.path.size());
+  std::vector<double> done(motions.size(), 0);
+  std::mutex telling;
+  tbb::parallel_for(std::size_t{0}, motions.size(), [&](std::size_t r) {
+    const auto& [path, spindle] = motions[r];
+    bases[r] = force_basis(bur, tooth, parameters, path, spindle,
+                           progress ? std::function<void(double)>([&, r](double part) {
+                             const std::lock_guard lock(telling);
+                             done[r] = part * static_cast<double>(motions[r].path.size()) / all;
+                             double sum = 0;
+                             for (const double d : done) sum += d;
+                             progress(sum);
+                           })
+                                    : std::function<void(double)>());
+  });
+  return bases;
 }
 
 }  // namespace toothprep

@@ -5,8 +5,9 @@
 //
 //   F(t) = 1/N · sum over tissues k of [u_k T_k(t) + w_k N_k(t)]
 //
-// so that one replay gives T_k and N_k for any values. Valid while the bur didn't stall: a stalled
-// bur removes nothing, and what it feels doesn't follow from its motion.
+// so that one replay gives T_k and N_k for any values. With a recorded speed, N is N(t), and u
+// itself is determined instead of u/N. A stalled bur removes nothing, and what it feels doesn't
+// follow from its motion: samples that are said to be stalled have no force.
 #pragma once
 
 #include <functional>
@@ -29,12 +30,27 @@ struct TissueColumns {
   double removed = 0;          // mm³
 };
 
+// What was recorded of the spindle, a value per sample of the motion; empty where nothing was.
+struct SpindleRecord {
+  std::vector<double> rate;   // N, rev/s; empty: the parameters' N throughout
+  std::vector<char> stalled;  // empty: never
+};
+
+// A recorded motion at the step rate.
+struct RecordedMotion {
+  std::vector<HandleSample> path;
+  SpindleRecord spindle;
+};
+
 // Sample i is the force of the step that ends at start + i * step.
 struct ForceBasis {
   double start = 0, step = 0;  // s
   std::size_t size = 0;
-  double rotation_rate = 0;  // N, rev/s
+  double rotation_rate = 0;  // N, rev/s, that u is for; with a recorded speed: of the parameters
+  bool speed_recorded = false;
   PerTissue<TissueColumns> tissue;
+  // Force that no parameter scales, W, N: of a replay that was linearised (coupled.h). Else empty.
+  Eigen::Matrix3Xd offset;
   std::vector<float> area;     // advancing contact, mm²
   std::vector<float> removal;  // volume that contact removes per time, mm³/s
   std::vector<float> axial;    // cosine of feed and the bur's axis: -1 plunges, 0 feeds sideways
@@ -53,7 +69,14 @@ double torque_at(const ForceBasis& basis, std::size_t i,
 // stall and coupling of `parameters` play no part. `progress` as in session/replay.h. Throws Error
 // for fewer than two samples, and as make_engine() does.
 ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Parameters& parameters,
-                       const std::vector<HandleSample>& path,
+                       const std::vector<HandleSample>& path, const SpindleRecord& spindle = {},
                        const std::function<void(double)>& progress = {});
+
+// The same of several motions, in parallel; `progress` is told how many of their samples are done,
+// from one thread at a time.
+std::vector<ForceBasis> force_bases(const Bur& bur, const LayeredTooth& tooth,
+                                    const Parameters& parameters,
+                                    const std::vector<RecordedMotion>& motions,
+                                    const std::function<void(double)>& progress = {});
 
 }  // namespace toothprep

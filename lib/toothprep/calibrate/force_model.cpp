@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/calibrate/lowpass.h"
 #include "toothprep/core/units.h"
 
 namespace toothprep {
@@ -29,7 +30,7 @@ struct Constants {
   Mat3 to_sensor;              // Q^T
   std::array<Mat3, 3> turned;  // d(Q^T)/d(rotation vector)
   Vec3 weight, bias, drift;
-  double delay;
+  double delay, lowpass;
 
   Constants(const SharedVector& shared, const OwnVector& own, const ModelState& state) {
     for (int k = 0; k < kTissueCount; ++k) {
@@ -50,6 +51,7 @@ struct Constants {
     bias = own.head<3>();
     drift = own.tail<3>();
     delay = shared[kDelay];
+    lowpass = shared[kLowpass];
   }
 };
 
@@ -66,13 +68,32 @@ Vec3 model_at(const ComparedRecording& r, std::size_t j, const Constants& c,
       r.frame.empty() ? Mat3(Mat3::Identity()) : Mat3(r.frame[j].conjugate().toRotationMatrix());
   const Mat3 rotation = c.to_sensor * nominal;
   Vec3 force = only_contact ? Vec3(Vec3::Zero()) : c.weight, change = Vec3::Zero();
+  Vec3 by_lowpass = Vec3::Zero();
+  const Eigen::Matrix3Xd& offset = r.offset();
+  if (offset.cols() > 0) {
+    const Vec3 low = offset.col(i), step = offset.col(i + 1) - low;
+    force += low + f * step;
+    change += step;
+    if (r.offset_slope.cols() > 0) {
+      const Vec3 slope = (1 - f) * r.offset_slope.col(i) + f * r.offset_slope.col(i + 1);
+      force += c.lowpass * slope;
+      by_lowpass += slope;
+    }
+  }
   for (int k = 0; k < kTissueCount; ++k) {
     if (state.mode[k] == TissueMode::kOff || !basis.touched(k)) {
       if (J) J->middleCols<2>(2 * k).setZero();
       continue;
     }
     const auto& columns = r.columns(k);
-    const Eigen::Matrix<double, 6, 1> low = columns.col(i), step = columns.col(i + 1) - low;
+    Eigen::Matrix<double, 6, 1> low = columns.col(i);
+    const Eigen::Matrix<double, 6, 1> step = columns.col(i + 1) - low;
+    if (r.slope[k].cols() > 0) {
+      const Eigen::Matrix<double, 6, 1> slope =
+          (1 - f) * r.slope[k].col(i) + f * r.slope[k].col(i + 1);
+      low += c.lowpass * slope;
+      by_lowpass += c.u[k] * slope.head<3>() + c.w[k] * slope.tail<3>();
+    }
     const Vec3 t = c.u[k] * (low.head<3>() + f * step.head<3>());
     const Vec3 n = c.w[k] * (low.tail<3>() + f * step.tail<3>());
     force += t + n;
@@ -96,6 +117,7 @@ Vec3 model_at(const ComparedRecording& r, std::size_t j, const Constants& c,
     for (int a = 0; a < 3; ++a)
       J->col(kRotation + a) = turns ? Vec3(c.turned[a] * (nominal * force)) : Vec3(Vec3::Zero());
     J->middleCols<3>(kWeight) = rotation;
+    J->col(kLowpass) = rotation * by_lowpass;
     J->middleCols<3>(kShared).setIdentity();
     J->middleCols<3>(kShared + 3) = since * Mat3::Identity();
   }
@@ -122,29 +144,61 @@ ComparedRecording compare(const MeasuredRecording& recording, const ForceBasis& 
   r.basis = &basis;
   const double end = basis.start + basis.step * static_cast<double>(basis.size - 1);
   const auto& samples = recording.motion.samples;
+  // A stall's force comes to the sensor within the margin, as that of the motion's ends does.
+  std::vector<char> still(recording.stalled.empty() ? 0 : samples.size(), 0);
+  for (const int direction : {1, -1}) {
+    double last = -1e30 * direction;
+    const auto n = static_cast<std::ptrdiff_t>(still.size());
+    for (std::ptrdiff_t i = 0; i < n; ++i) {
+      const auto j = static_cast<std::size_t>(direction > 0 ? i : n - 1 - i);
+      if (recording.stalled[j]) last = samples[j].time;
+      if (std::abs(samples[j].time - last) <= margin) still[j] = 1;
+    }
+  }
   for (std::size_t j = 0; j < samples.size(); ++j) {
     if (!recording.usable.empty() && !recording.usable[j]) continue;
     if (samples[j].time < basis.start + margin || samples[j].time > end - margin) continue;
+    if (!still.empty() && still[j]) {
+      ++r.stalled;
+      continue;
+    }
     r.time.push_back(samples[j].time);
     r.force.push_back(recording.motion.measured_force[j]);
     if (on_handpiece) r.frame.push_back(samples[j].pose.orientation);
   }
   if (!r.time.empty()) r.middle = (r.time.front() + r.time.back()) / 2;
-  if (lowpass > 0) {
-    // y' = 2 pi f (x - y), exact for an x that is linear between samples to second order in the
-    // step (trapezoid).
-    const double a = units::kPi * lowpass * basis.step, p = (1 - a) / (1 + a), q = a / (1 + a);
-    for (int k = 0; k < kTissueCount; ++k) {
-      if (!basis.touched(k)) continue;
-      const auto& in = basis.tissue[k].force;
-      auto& out = r.filtered[k];
-      out.resize(6, in.cols());
-      out.col(0) = in.col(0);
-      for (Eigen::Index i = 1; i < in.cols(); ++i)
-        out.col(i) = p * out.col(i - 1) + q * (in.col(i) + in.col(i - 1));
-    }
-  }
+  set_lowpass(r, lowpass > 0 ? 1 / (2 * units::kPi * lowpass) : 0, false);
   return r;
+}
+
+namespace {
+
+template <class Columns>
+void filter(const Columns& in, const LowpassStep& a, Columns& out) {
+  out.resize(in.rows(), in.cols());
+  if (in.cols() > 0) out.col(0) = in.col(0);
+  for (Eigen::Index i = 1; i < in.cols(); ++i)
+    out.col(i) = a.keep * out.col(i - 1) + a.before * in.col(i - 1) + a.now * in.col(i);
+}
+
+}  // namespace
+
+void set_lowpass(ComparedRecording& r, double time_constant, bool with_slope) {
+  const double h = r.basis->step, by = std::max(0.02 * time_constant, 0.05 * h);
+  const double below = std::max(0.0, time_constant - by), above = time_constant + by;
+  const auto set = [&](const auto& in, auto& filtered, auto& slope) {
+    filtered.resize(in.rows(), 0);
+    slope.resize(in.rows(), 0);
+    if (in.cols() == 0) return;
+    if (time_constant > 0) filter(in, lowpass_step(time_constant, h), filtered);
+    if (!with_slope) return;
+    std::decay_t<decltype(in)> low;
+    filter(in, lowpass_step(below, h), low);
+    filter(in, lowpass_step(above, h), slope);
+    slope = (slope - low) / (above - below);
+  };
+  for (int k = 0; k < kTissueCount; ++k) set(r.basis->tissue[k].force, r.filtered[k], r.slope[k]);
+  set(r.basis->offset, r.filtered_offset, r.offset_slope);
 }
 
 std::vector<Chunk> chunks_of(const std::vector<ComparedRecording>& recordings, double length) {

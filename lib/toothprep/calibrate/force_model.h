@@ -10,9 +10,13 @@
 //   Q            x[kRotation .. + 3]      rad       sensor to its nominal frame, rotation vector
 //   C            orientation of the bur   1         B to W for a sensor on the handpiece, else 1
 //   g            x[kWeight .. + 3]        N         W     weight of the handpiece on its sensor
+//   tau_f        filter + x[kLowpass]     s               time constant of its low-pass
 //   b, d         own[0 .. 3], [3 .. 6]    N, N/s    sensor, per recording
 //
-// Where u_k is tied (a tissue whose tangential part can't be told), u_k = alpha0 w_k.
+// Where u_k is tied (a tissue whose tangential part can't be told), u_k = alpha0 w_k. T_k and N_k
+// may also be those of a replay linearised about its parameters (coupled.h); the force then has a
+// part that no parameter scales, and a tissue that isn't fitted is held where it is instead of left
+// out.
 #pragma once
 
 #include <string>
@@ -24,33 +28,45 @@
 namespace toothprep {
 
 constexpr int kDelay = 2 * kTissueCount, kRotation = kDelay + 1, kWeight = kRotation + 3;
-constexpr int kShared = kWeight + 3;      // of all recordings
+constexpr int kLowpass = kWeight + 3;
+constexpr int kShared = kLowpass + 1;     // of all recordings
 constexpr int kOwn = 6;                   // of each: bias, drift
 constexpr int kColumns = kShared + kOwn;  // of the Jacobian of a sample
 
-enum class TissueMode { kOff, kTied, kFree };
+enum class TissueMode { kOff, kHeld, kTied, kFree };
 enum class RobustLoss { kNone, kHuber, kCauchy };
 
 // One recording beside its basis, ready to be compared. References the basis.
 struct ComparedRecording {
   std::string name;
   const ForceBasis* basis = nullptr;
-  PerTissue<Eigen::Matrix<double, 6, Eigen::Dynamic>> filtered;  // where a low-pass is asked for
-  std::vector<double> time;                                      // of the samples that count, s
-  std::vector<Vec3> force;                                       // measured, N, sensor
-  std::vector<Quat> frame;                                       // C; empty: none
-  double middle = 0;                                             // t_mid
-  double sigma = 1;                                              // N, noise per axis
+  // Where there is a low-pass: the basis after it, and that by its time constant (per s).
+  PerTissue<Eigen::Matrix<double, 6, Eigen::Dynamic>> filtered, slope;
+  Eigen::Matrix3Xd filtered_offset, offset_slope;
+  std::vector<double> time;  // of the samples that count, s
+  std::vector<Vec3> force;   // measured, N, sensor
+  std::vector<Quat> frame;   // C; empty: none
+  double middle = 0;         // t_mid
+  double sigma = 1;          // N, noise per axis
+  std::size_t stalled = 0;   // samples left out since the bur stood still
 
   const Eigen::Matrix<double, 6, Eigen::Dynamic>& columns(int k) const {
     return filtered[k].cols() > 0 ? filtered[k] : basis->tissue[k].force;
   }
+  const Eigen::Matrix3Xd& offset() const {
+    return filtered_offset.cols() > 0 ? filtered_offset : basis->offset;
+  }
 };
 
-// Leaves out samples that lie within `margin` s of the motion's ends, and unusable ones.
+// Leaves out samples that lie within `margin` s of the motion's ends or of a stall, and unusable
+// ones.
 // `lowpass`: corner of the sensor's first-order low-pass, Hz; 0: none.
 ComparedRecording compare(const MeasuredRecording& recording, const ForceBasis& basis,
                           double margin, double lowpass, bool on_handpiece);
+
+// Puts a low-pass of this time constant (s; 0: none) between basis and sensor, with its slope if
+// that is to be estimated.
+void set_lowpass(ComparedRecording& recording, double time_constant, bool with_slope);
 
 struct Chunk {
   int recording = 0;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <random>
 
+#include "toothprep/calibrate/lowpass.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/core/units.h"
 
@@ -60,9 +61,9 @@ std::vector<Vec3> measured_by(const SensorOptions& s, const std::vector<Vec3>& f
           : Mat3(Eigen::AngleAxisd(angle, s.rotation / angle).toRotationMatrix().transpose());
   std::vector<Vec3> filtered = force;
   if (s.lowpass_hz > 0) {
-    const double a = units::kPi * s.lowpass_hz * step;
+    const LowpassStep a = lowpass_step(1 / (2 * units::kPi * s.lowpass_hz), step);
     for (std::size_t i = 1; i < force.size(); ++i)
-      filtered[i] = (1 - a) / (1 + a) * filtered[i - 1] + a / (1 + a) * (force[i] + force[i - 1]);
+      filtered[i] = a.keep * filtered[i - 1] + a.before * force[i - 1] + a.now * force[i];
   }
   Random random(s.seed);
   const double keep = s.noise_correlation > 0 ? std::exp(-step / s.noise_correlation) : 0;
@@ -83,6 +84,18 @@ std::vector<Vec3> measured_by(const SensorOptions& s, const std::vector<Vec3>& f
                      Vec3(random.normal(), random.normal(), random.normal()).normalized();
   }
   return measured;
+}
+
+void disturb_motion_and_speed(const SensorOptions& sensor, std::vector<StepRecord>& rows) {
+  Random random(sensor.seed + 0x9e3779b97f4a7c15ull);
+  if (sensor.position_noise > 0)
+    for (StepRecord& row : rows)
+      for (Vec3* p : {&row.bur.position, &row.handle.pose.position})
+        *p += sensor.position_noise * Vec3(random.normal(), random.normal(), random.normal());
+  if (sensor.speed_noise > 0)
+    for (StepRecord& row : rows)
+      row.rotation_rate =
+          std::max(0.0, row.rotation_rate * (1 + sensor.speed_noise * random.normal()));
 }
 
 }  // namespace toothprep

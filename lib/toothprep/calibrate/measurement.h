@@ -19,6 +19,8 @@ struct SensorOptions {
   double outlier_size = 10;      // of the force's rms in contact
   Vec3 rotation = Vec3::Zero();  // rotation vector, rad: takes sensor to W
   double lowpass_hz = 0;         // first-order corner; 0: none
+  double speed_noise = 0;        // standard deviation of the recorded speed, relative
+  double position_noise = 0;     // mm per axis, white
   std::uint64_t seed = 1;
 };
 
@@ -29,5 +31,8 @@ double contact_rms(const std::vector<Vec3>& force);
 // numbers. Throws Error for options out of range.
 std::vector<Vec3> measured_by(const SensorOptions& sensor, const std::vector<Vec3>& force,
                               double step);
+
+// Puts noise on the recorded positions (bur and handle) and speeds. Same seed, same numbers.
+void disturb_motion_and_speed(const SensorOptions& sensor, std::vector<StepRecord>& rows);
 
 }  // namespace toothprep
