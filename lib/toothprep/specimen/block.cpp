@@ -16,6 +16,23 @@ double box_distance(const Vec3& x, const Vec3& low, const Vec3& high) {
 
 }  // namespace
 
+BoxGrid grid_of_box(const Vec3& low, const Vec3& high, double voxel, const Pose& pose) {
+  BoxGrid grid;
+  grid.lattice.voxel = voxel;
+  grid.lattice.origin =
+      pose.position + Vec3(voxel / 2, -voxel / 2, voxel / 2) + Vec3(low.x(), high.y(), low.z());
+  Vec3 world_low = Vec3::Constant(1e30), world_high = Vec3::Constant(-1e30);
+  for (int c = 0; c < 8; ++c) {
+    const Vec3 corner((c & 1) ? high.x() : low.x(), (c & 2) ? high.y() : low.y(),
+                      (c & 4) ? high.z() : low.z());
+    world_low = world_low.cwiseMin(pose.to_world(corner));
+    world_high = world_high.cwiseMax(pose.to_world(corner));
+  }
+  grid.lower = grid.lattice.to_index(world_low).array().floor().matrix().cast<int>();
+  grid.upper = grid.lattice.to_index(world_high).array().ceil().matrix().cast<int>();
+  return grid;
+}
+
 LayeredTooth make_block(const BlockOptions& o) {
   if (!o.size.allFinite() || o.size.minCoeff() <= 0 || o.size.maxCoeff() > 200)
     throw Error("block: size must lie in (0, 200] mm");
@@ -28,20 +45,7 @@ LayeredTooth make_block(const BlockOptions& o) {
   const Vec3 high(o.size.x() / 2, 0, o.size.z() / 2);
   const double border = -o.enamel;
 
-  // Voxel centres lie half a voxel beside the faces of an unturned block.
-  Lattice lattice;
-  lattice.voxel = o.voxel;
-  lattice.origin =
-      o.pose.position + Vec3(o.voxel / 2, -o.voxel / 2, o.voxel / 2) + Vec3(low.x(), 0, low.z());
-  Vec3 world_low = Vec3::Constant(1e30), world_high = Vec3::Constant(-1e30);
-  for (int c = 0; c < 8; ++c) {
-    const Vec3 corner((c & 1) ? high.x() : low.x(), (c & 2) ? high.y() : low.y(),
-                      (c & 4) ? high.z() : low.z());
-    world_low = world_low.cwiseMin(o.pose.to_world(corner));
-    world_high = world_high.cwiseMax(o.pose.to_world(corner));
-  }
-  const Index3 lower = lattice.to_index(world_low).array().floor().matrix().cast<int>();
-  const Index3 upper = lattice.to_index(world_high).array().ceil().matrix().cast<int>();
+  const auto [lattice, lower, upper] = grid_of_box(low, high, o.voxel, o.pose);
 
   return build_tooth(
       lattice, lower, upper,

@@ -12,6 +12,14 @@ struct BlockOptions {
   Pose pose;           // where the block's own frame (top face at y = 0) stands in W
 };
 
+// The voxels that cover a box, given in a frame of its own, which `pose` takes to W. Centres lie
+// half a voxel beside the faces at low.x, high.y and low.z of a box that isn't turned.
+struct BoxGrid {
+  Lattice lattice;
+  Index3 lower = Index3::Zero(), upper = Index3::Zero();  // inclusive
+};
+BoxGrid grid_of_box(const Vec3& low, const Vec3& high, double voxel, const Pose& pose);
+
 // Throws Error if a size, the enamel or the voxel is not finite, not positive or out of range.
 LayeredTooth make_block(const BlockOptions& options);
 

@@ -10,6 +10,7 @@
 
 #include "toothprep/core/errors.h"
 #include "toothprep/core/units.h"
+#include "toothprep/specimen/block.h"
 #include "toothprep/specimen/cavity_shape.h"
 
 namespace toothprep {
@@ -263,20 +264,7 @@ LayeredTooth make_original(const CavityOptions& o, const Bodies& bodies) {
   const Vec3 low(-o.size.x() / 2, -o.size.y(), -o.size.z() / 2);
   Vec3 high(o.size.x() / 2, 0, o.size.z() / 2);
   if (o.neighbour_gap) high.x() += *o.neighbour_gap + o.size.x();
-  // Voxel centres lie half a voxel beside the faces of an unturned tooth, as in a block.
-  Lattice lattice;
-  lattice.voxel = o.voxel;
-  lattice.origin =
-      o.pose.position + Vec3(o.voxel / 2, -o.voxel / 2, o.voxel / 2) + Vec3(low.x(), 0, low.z());
-  Vec3 world_low = Vec3::Constant(1e30), world_high = Vec3::Constant(-1e30);
-  for (int c = 0; c < 8; ++c) {
-    const Vec3 corner((c & 1) ? high.x() : low.x(), (c & 2) ? high.y() : low.y(),
-                      (c & 4) ? high.z() : low.z());
-    world_low = world_low.cwiseMin(o.pose.to_world(corner));
-    world_high = world_high.cwiseMax(o.pose.to_world(corner));
-  }
-  const Index3 lower = lattice.to_index(world_low).array().floor().matrix().cast<int>();
-  const Index3 upper = lattice.to_index(world_high).array().ceil().matrix().cast<int>();
+  const auto [lattice, lower, upper] = grid_of_box(low, high, o.voxel, o.pose);
   return build_tooth(
       lattice, lower, upper, [&](const Vec3& x) { return bodies.sample(uvw(o.pose.to_local(x))); },
       true);

@@ -1,8 +1,8 @@
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string_view>
@@ -91,27 +91,33 @@ std::string quoted(std::string_view text) {
   return result + (text.size() > 40 ? "...'" : "'");
 }
 
-// Where each of kColumns stands in the file, if it does.
+// Where each known column stands in the file, if it does: kColumns, then the further ones.
 struct Header {
-  std::array<std::optional<std::size_t>, 12> at;
+  std::vector<std::string> names;
+  std::vector<std::optional<std::size_t>> at;
   std::size_t columns = 0;
 
   bool has(std::size_t column) const { return at[column].has_value(); }
 };
 
-Header read_header(std::string_view line, const std::string& path) {
-  const std::string expected =
+Header read_header(std::string_view line, const std::string& path,
+                   const std::vector<std::string>& also) {
+  std::string expected =
       "the header is time_s,x_mm,y_mm,z_mm[,qx,qy,qz,qw][,buttons][,fx_N,fy_N,fz_N]";
+  for (const std::string& name : also) expected += "[," + name + "]";
   if (line.substr(0, 3) == "\xef\xbb\xbf") line.remove_prefix(3);  // byte order mark
   Header header;
+  header.names = kColumns;
+  header.names.insert(header.names.end(), also.begin(), also.end());
+  header.at.resize(header.names.size());
   for (const std::string_view name : split(line)) {
     const std::string place = "line 1, column " + std::to_string(header.columns + 1);
     std::size_t column = 0;
-    while (column < kColumns.size() && kColumns[column] != name) ++column;
-    if (column == kColumns.size())
+    while (column < header.names.size() && header.names[column] != name) ++column;
+    if (column == header.names.size())
       throw InputError(path, place,
                        "unknown column " + quoted(name) + " (did you mean '" +
-                           nearest_name(name, kColumns) + "'?)",
+                           nearest_name(name, header.names) + "'?)",
                        expected);
     if (header.has(column))
       throw InputError(path, place, "column " + quoted(name) + " stands twice", expected);
@@ -136,15 +142,21 @@ Header read_header(std::string_view line, const std::string& path) {
 }  // namespace
 
 Trajectory read_csv_trajectory(const std::string& path) {
+  std::map<std::string, std::vector<double>> none;
+  return read_csv_trajectory(path, {}, none);
+}
+
+Trajectory read_csv_trajectory(const std::string& path, const std::vector<std::string>& also,
+                               std::map<std::string, std::vector<double>>& further) {
   LineReader lines(path);
   std::string_view line;
   if (!lines.next(line)) throw InputError(path, "", "is empty", "a header line is needed");
-  const Header header = read_header(line, path);
+  const Header header = read_header(line, path, also);
 
   Trajectory trajectory;
-  std::array<double, 12> value{};
+  std::vector<double> value(header.names.size());
   std::vector<std::size_t> column_of(header.columns);
-  for (std::size_t c = 0; c < kColumns.size(); ++c)
+  for (std::size_t c = 0; c < header.names.size(); ++c)
     if (header.at[c]) column_of[*header.at[c]] = c;
   bool ended = false;  // by a blank line: only blank ones may follow
   while (lines.next(line)) {
@@ -165,7 +177,7 @@ Trajectory read_csv_trajectory(const std::string& path) {
       const char* end = fields[i].data() + fields[i].size();
       const auto [stop, error] = std::from_chars(fields[i].data(), end, value[c]);
       if (error != std::errc() || stop != end || !std::isfinite(value[c]))
-        throw InputError(path, row + ", column " + kColumns[c],
+        throw InputError(path, row + ", column " + header.names[c],
                          quoted(fields[i]) + " is not a finite number");
     }
     HandleSample sample;
@@ -193,6 +205,8 @@ Trajectory read_csv_trajectory(const std::string& path) {
     trajectory.samples.push_back(sample);
     if (header.has(kForce))
       trajectory.measured_force.emplace_back(value[kForce], value[kForce + 1], value[kForce + 2]);
+    for (std::size_t c = kColumns.size(); c < header.names.size(); ++c)
+      if (header.has(c)) further[header.names[c]].push_back(value[c]);
   }
   if (trajectory.samples.size() < 2)
     throw InputError(path, "", "holds fewer than two samples", "record a motion");

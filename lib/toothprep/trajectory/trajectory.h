@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,10 @@ bool accept_quaternion(const Quat& recorded, Quat& orientation);
 // increase, a quaternion that is not of unit length (to 1e-3; it is normalised), fewer than two
 // samples. Columns are found by name, so their order is free.
 Trajectory read_csv_trajectory(const std::string& path);
+// The same of a table that may have further columns, named in `also`: those that it has go to
+// `further` by their name, a finite value per sample.
+Trajectory read_csv_trajectory(const std::string& path, const std::vector<std::string>& also,
+                               std::map<std::string, std::vector<double>>& further);
 
 // Runs a trajectory script (.toml): `start_mm`, `axis` (tip to shank, default +z), `spin_deg`,
 // `rate_hz` (default 1000), then [[segment]] tables in order, each with a `kind`:
