@@ -11,9 +11,12 @@
 #include <optional>
 
 #include "command.h"
+#include "drawn.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/core/output_file.h"
 #include "toothprep/figures/experiment.h"
+#include "toothprep/render/overlay.h"
+#include "toothprep/render/renderer.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -25,6 +28,36 @@ struct Options {
   double voxel = 0.1;
   bool force = false, no_plots = false, list = false, json = false;
 };
+
+constexpr int kPixels = 700;  // width and height of a picture of one surface
+
+// The surfaces of a picture from the same place at the same scale, side by side.
+void draw_surfaces(const figures::Picture& picture, const std::string& folder) {
+  std::vector<std::unique_ptr<LayeredTooth>> teeth;
+  std::vector<Renderer> renderers;
+  std::vector<const TriangleMesh*> meshes;
+  for (const std::string& file : {picture.compare, picture.mesh}) {
+    if (file.empty()) continue;
+    Drawn surface = read_drawn(folder + "/" + file);
+    teeth.push_back(std::move(surface.tooth));
+    std::vector<RenderPart> parts;
+    parts.push_back(std::move(surface.part));
+    renderers.emplace_back(std::move(parts));
+    for (const TriangleMesh* mesh : renderers.back().meshes()) meshes.push_back(mesh);
+  }
+  const ToothAxes axes = tooth_axes({{"axis_occlusal", picture.occlusal}});
+  Fit fit;
+  fit.width = fit.height = kPixels;
+  const Camera camera = fit_camera(view_of(picture.view, axes), meshes, fit);
+  RenderOptions options;
+  options.samples = 2;
+  options.ambient_rays = 32;
+  std::vector<toothprep::Picture> drawn;
+  for (const Renderer& renderer : renderers)
+    drawn.push_back(picture_of(renderer.render(camera, options)));
+  draw_scale_bar(drawn.front(), camera.mm_per_pixel);
+  write_png(side_by_side(drawn), folder + "/" + picture.file);
+}
 
 void run(const Options& o, const Common& common) {
   const std::string folder = o.experiments.empty() ? data_folder() + "/figures" : o.experiments;
@@ -67,6 +100,8 @@ void run(const Options& o, const Common& common) {
     std::vector<std::string> arguments = {output.temporary()};
     if (common.quiet) arguments.push_back("--quiet");
     if (!run_script(script, arguments)) throw Error(script + " failed");
+    for (const figures::FigureReport& f : reports)
+      for (const figures::Picture& picture : f.pictures) draw_surfaces(picture, output.temporary());
   }
   output.commit();
   if (o.json) {

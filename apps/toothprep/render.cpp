@@ -8,15 +8,14 @@
 #include <optional>
 
 #include "command.h"
+#include "drawn.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/core/output_file.h"
-#include "toothprep/mesh/shells.h"
 #include "toothprep/raycast/triangle_tree.h"
 #include "toothprep/render/image.h"
 #include "toothprep/render/overlay.h"
 #include "toothprep/render/ply_values.h"
 #include "toothprep/render/renderer.h"
-#include "toothprep/toothfile/tooth_file.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -33,40 +32,6 @@ struct Options {
   double range = 0.3, zoom = 1;
   bool no_scale = false, force = false;
 };
-
-bool has_extension(const std::string& path, const std::string& extension) {
-  std::string end = std::filesystem::path(path).extension().string();
-  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return end == extension;
-}
-
-// What there is to draw in a file, and the tooth that the part points to.
-struct Drawn {
-  std::unique_ptr<LayeredTooth> tooth;
-  RenderPart part;
-};
-
-Drawn read_drawn(const std::string& path) {
-  Drawn drawn;
-  if (has_extension(path, ".vdb")) {
-    drawn.tooth = std::make_unique<LayeredTooth>(read_tooth(path));
-    drawn.part.mesh = extract_surface(*drawn.tooth, SurfaceOf::kAll);
-    if (drawn.part.mesh.triangles.empty())
-      throw InputError(path, "grid 'solid'", "nothing remains, so there is nothing to draw");
-    drawn.part.tooth = drawn.tooth.get();
-    return drawn;
-  }
-  const Shell shell = read_shell(path);
-  TriangleMesh& mesh = drawn.part.mesh;
-  mesh.vertices.reserve(shell.points.size());
-  for (const Vec3& x : shell.points) mesh.vertices.push_back(x.cast<float>());
-  mesh.triangles = shell.triangles;
-  if (const auto tissue = vertex_property(path, mesh, "tissue"))
-    for (const float label : *tissue)
-      mesh.tissue.push_back(label >= 0 && label <= kTissueCount ? static_cast<std::uint8_t>(label)
-                                                                : 0);
-  return drawn;
-}
 
 // Signed distances of the part's vertices to the reference, or what the file itself says of them.
 void find_deviation(const Options& o, RenderPart& part) {

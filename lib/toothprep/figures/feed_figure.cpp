@@ -278,7 +278,7 @@ FigureReport feed_figure(const Experiment& experiment, Workshop& workshop) {
                           v.report->trace, "",
                           v.engine == EngineKind::kLevelset ? "run" : "second"});
         const std::string mesh = workshop.write_surface(experiment, name, v.outcome->prepared);
-        figure.pictures.push_back({experiment.name + "/" + name + ".png", mesh, "", "-35,28", "y"});
+        figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png", mesh));
       }
       figure.runs.push_back(*v.report);
     }

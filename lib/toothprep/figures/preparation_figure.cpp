@@ -32,7 +32,8 @@ FigureReport preparation_figure(const Experiment& experiment, Workshop& workshop
   const FigureOptions& o = workshop.options();
   FigureReport figure;
   const LayeredTooth whole = make_specimen(experiment, o.voxel);
-  const std::string before = workshop.write_surface(experiment, "before", whole);
+  workshop.write_surface(experiment, "before", whole);
+  const std::string before = workshop.write_layers(experiment, "before", whole);
   std::vector<Outcome> outcomes(experiment.runs.size());
   std::vector<Workshop::Job> jobs;
   for (const std::vector<std::size_t>& chain : chains_of(experiment.runs))
@@ -62,11 +63,11 @@ FigureReport preparation_figure(const Experiment& experiment, Workshop& workshop
     const std::string engine = name_of(outcome.parameters.engine);
     RunReport report = report_of(run, outcome, o.voxel, nullptr);
     report.trace = workshop.write_trace(experiment, run.name, run, outcome);
-    workshop.write_prepared(experiment, run.name, outcome.prepared);
-    const std::string mesh = workshop.write_surface(experiment, run.name, outcome.prepared);
-    for (const char* view : {"occlusal", "iso"})
+    workshop.write_surface(experiment, run.name, outcome.prepared);
+    const std::string prepared = workshop.write_layers(experiment, run.name, outcome.prepared);
+    for (const char* view : {"occlusal", "oblique"})
       figure.pictures.push_back(
-          {experiment.name + "/" + run.name + "-" + view + ".png", mesh, before, view, "z"});
+          {experiment.name + "/" + run.name + "-" + view + ".png", prepared, before, view});
     figure.runs.push_back(report);
 
     const auto& totals = outcome.replay.totals;

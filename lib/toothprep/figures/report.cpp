@@ -210,7 +210,7 @@ void write_report(const ReportHeader& header, const std::vector<FigureReport>& f
                                {"mesh", p.mesh},
                                {"compare", p.compare},
                                {"view", p.view},
-                               {"up", p.up}});
+                               {"occlusal", p.occlusal}});
     j["figures"].push_back(g);
   }
   write_text(folder + "/figures.json", j.dump(2) + "\n");

@@ -82,12 +82,18 @@ struct MapPlot {
   std::vector<Line> lines;
 };
 
-// A picture of meshes.
+// A picture of surfaces, as `toothprep render` draws them with its options --before, --view and
+// --occlusal.
 struct Picture {
   std::string file;           // .png
-  std::string mesh, compare;  // .ply; `compare` (may be empty) stands to the left
-  std::string view = "iso", up = "z";
+  std::string mesh, compare;  // .ply or .vdb; `compare` (may be empty) stands to the left
+  std::string view = "oblique", occlusal = "0,0,1";
 };
+
+// The same for the block, whose top face is y = 0.
+inline Picture block_picture(const std::string& file, const std::string& mesh) {
+  return {file, mesh, "", "-0.51,0.47,0.72", "0,1,0"};
+}
 
 struct FigureReport {
   std::string name, title;

@@ -153,7 +153,7 @@ FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
       claim_stall(figure, run, make_bur(run.bur, o.bur_library), v.outcome, v.exact);
       if (run.name == experiment.runs.front().name && v.engine == o.engines.front()) {
         const std::string mesh = workshop.write_surface(experiment, name, v.outcome.prepared);
-        figure.pictures.push_back({experiment.name + "/" + name + ".png", mesh, "", "-35,28", "y"});
+        figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png", mesh));
       }
     }
     plot.panels = force_panels(curves, exact_file);

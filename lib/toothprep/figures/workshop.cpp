@@ -91,8 +91,8 @@ std::string Workshop::write_surface(const Experiment& experiment, const std::str
   return file;
 }
 
-std::string Workshop::write_prepared(const Experiment& experiment, const std::string& name,
-                                     const LayeredTooth& tooth) const {
+std::string Workshop::write_layers(const Experiment& experiment, const std::string& name,
+                                   const LayeredTooth& tooth) const {
   const std::string file = place(experiment, name + ".vdb");
   write_tooth(tooth, options_.output + "/" + file);
   return file;

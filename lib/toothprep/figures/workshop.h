@@ -38,8 +38,8 @@ class Workshop {
   std::string write_surface(const Experiment& experiment, const std::string& name,
                             const LayeredTooth& tooth) const;
 
-  std::string write_prepared(const Experiment& experiment, const std::string& name,
-                             const LayeredTooth& tooth) const;
+  std::string write_layers(const Experiment& experiment, const std::string& name,
+                           const LayeredTooth& tooth) const;
 
  private:
   std::string place(const Experiment& experiment, const std::string& file) const;

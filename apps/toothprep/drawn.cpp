@@ -1,0 +1,41 @@
+#include "drawn.h"
+
+#include <cctype>
+#include <filesystem>
+
+#include "toothprep/core/errors.h"
+#include "toothprep/mesh/shells.h"
+#include "toothprep/render/ply_values.h"
+#include "toothprep/toothfile/tooth_file.h"
+
+namespace toothprep::app {
+
+bool has_extension(const std::string& path, const std::string& extension) {
+  std::string end = std::filesystem::path(path).extension().string();
+  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return end == extension;
+}
+
+Drawn read_drawn(const std::string& path) {
+  Drawn drawn;
+  if (has_extension(path, ".vdb")) {
+    drawn.tooth = std::make_unique<LayeredTooth>(read_tooth(path));
+    drawn.part.mesh = extract_surface(*drawn.tooth, SurfaceOf::kAll);
+    if (drawn.part.mesh.triangles.empty())
+      throw InputError(path, "grid 'solid'", "nothing remains, so there is nothing to draw");
+    drawn.part.tooth = drawn.tooth.get();
+    return drawn;
+  }
+  const Shell shell = read_shell(path);
+  TriangleMesh& mesh = drawn.part.mesh;
+  mesh.vertices.reserve(shell.points.size());
+  for (const Vec3& x : shell.points) mesh.vertices.push_back(x.cast<float>());
+  mesh.triangles = shell.triangles;
+  if (const auto tissue = vertex_property(path, mesh, "tissue"))
+    for (const float label : *tissue)
+      mesh.tissue.push_back(label >= 0 && label <= kTissueCount ? static_cast<std::uint8_t>(label)
+                                                                : 0);
+  return drawn;
+}
+
+}  // namespace toothprep::app

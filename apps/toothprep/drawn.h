@@ -1,0 +1,21 @@
+// What there is to draw in a file, for the commands that draw pictures.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "toothprep/render/part.h"
+
+namespace toothprep::app {
+
+struct Drawn {
+  std::unique_ptr<LayeredTooth> tooth;  // that the part points to, if the file is one
+  RenderPart part;
+};
+
+// A tooth (.vdb) or a mesh with the tissues of its vertices, if it tells them. Throws InputError.
+Drawn read_drawn(const std::string& path);
+
+bool has_extension(const std::string& path, const std::string& extension);  // ".ply", any case
+
+}  // namespace toothprep::app
