@@ -1,5 +1,6 @@
 // toothprep score: what a prepared cavity or crown is worth, and why.
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -58,6 +59,45 @@ void tell(const Assessment& assessment, const Common& common) {
   for (const std::string& reason : sheet.result->fail_reasons) say(common, "  " + reason);
 }
 
+namespace fs = std::filesystem;
+
+constexpr const char* kReportFiles[] = {"report.html", "prepared.ply", "deviation.ply",
+                                        "deviation.vtk"};
+
+// --force replaces a report's whole folder. A folder with anything else in it (a student's, with
+// the teeth) is not a report, and stays.
+void check_report_folder(const std::string& report) {
+  std::error_code error;
+  if (!fs::is_directory(report, error)) return;
+  for (const auto& entry : fs::directory_iterator(report)) {
+    const std::string name = entry.path().filename().string();
+    if (std::find(std::begin(kReportFiles), std::end(kReportFiles), name) == std::end(kReportFiles))
+      throw Error(report + ": holds '" + name +
+                  "', which is not of a report; choose another folder for --report");
+  }
+}
+
+// Outputs must not take the place of each other or of what is read.
+void check_outputs(const Options& o) {
+  const auto place = [](const std::string& path) {
+    std::error_code error;
+    fs::path whole = fs::weakly_canonical(path, error);
+    if (error) whole = fs::absolute(path).lexically_normal();
+    return whole.has_filename() ? whole : whole.parent_path();
+  };
+  const AssessmentOptions& a = o.assessment;
+  for (const std::string* input : {&a.original, &a.prepared, &a.target, &a.trace, &o.rubric})
+    if (!input->empty() && place(*input) == place(o.output))
+      throw Error(o.output + ": is read as an input, too; choose another name for --output");
+  if (o.report.empty()) return;
+  const fs::path report = place(o.report), output = place(o.output);
+  if (output == report || output.parent_path() == report)
+    throw Error(o.output +
+                ": lies in the folder of --report, which is written as a whole; choose "
+                "another place");
+  check_report_folder(o.report);
+}
+
 void run(Options o, const Common& common) {
   if (o.list) {
     list_quantities();
@@ -74,6 +114,7 @@ void run(Options o, const Common& common) {
   a.preparation.mesial = direction(o.mesial);
   a.preparation.buccal = direction(o.buccal);
 
+  check_outputs(o);
   OutputFile output(o.output, o.force);
   std::optional<OutputFile> report;
   if (!o.report.empty()) report.emplace(o.report, o.force, true, "report.html");

@@ -109,7 +109,9 @@ std::vector<PagePicture> pictures_of(const Assessment& assessment) {
   add("Before, from the occlusal", studio.draw(studio.original(), "occlusal"));
   add("After, from the occlusal", studio.draw(studio.prepared(), "occlusal"));
   add("After, oblique", studio.draw(studio.prepared(), "oblique"));
-  add("Cut open along the tooth", studio.draw_cut(studio.prepared(), studio.axes().buccal));
+  // From the side from which the mesiodistal section is drawn.
+  const PreparationFrame& frame = assessment.preparation.frame;
+  add("Cut open from mesial to distal", studio.draw_cut(studio.prepared(), frame.u.cross(frame.d)));
   if (assessment.deviation) {
     const auto deviation = [&](const char* view) {
       Picture picture = studio.draw(

@@ -22,6 +22,12 @@ std::string text_of(const char* format, double a, double b = 0, double c = 0) {
   return text;
 }
 
+PreparationType type_named(const std::string& name) {
+  return static_cast<PreparationType>(
+      std::find(kPreparationTypes.begin(), kPreparationTypes.end(), name) -
+      kPreparationTypes.begin());
+}
+
 void add_volumes(Quantities& quantities, const VolumeComparison& volumes, double voxel) {
   const auto add = [&](const std::string& key, double value) {
     quantities.push_back({key, value, volume_uncertainty_mm3(value, voxel), "mm^3"});
@@ -75,7 +81,7 @@ Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions&
       quantities.push_back({"registration_rms_mm", registration.residual_rms_mm, NAN, "mm"});
     skin = std::max(skin, kResiduals * registration.residual_rms_mm);
   }
-  if (!is_identity(motion) || !solid.layered ||
+  if (!is_identity(motion) || !solid.layered || !original.layered ||
       !same_lattice(solid.tooth.lattice, original.tooth.lattice))
     skin = std::max(skin, kResampledSkin * original.tooth.lattice.voxel);
   return on_lattice(solid, original, motion);
@@ -87,6 +93,11 @@ Assessment assess(const AssessmentOptions& options) {
   Assessment result;
   ScoreSheet& sheet = result.sheet;
   Quantities quantities;
+  if (options.rubric && options.type && type_named(options.rubric->type) != *options.type)
+    throw Error("the rubric '" + options.rubric->name + "' is for the type " +
+                options.rubric->type + ", not " +
+                std::string(kPreparationTypes[static_cast<std::size_t>(*options.type)]) +
+                "; choose another rubric");
 
   result.original = read_solid(options.original, options.voxel);
   const double voxel = result.original.tooth.lattice.voxel;
@@ -128,9 +139,7 @@ Assessment assess(const AssessmentOptions& options) {
     preparation.type = *options.type;
     sheet.type_from = "given";
   } else if (options.rubric) {
-    preparation.type = static_cast<PreparationType>(
-        std::find(kPreparationTypes.begin(), kPreparationTypes.end(), options.rubric->type) -
-        kPreparationTypes.begin());
+    preparation.type = type_named(options.rubric->type);
     sheet.type_from = "the rubric";
   } else {
     preparation.type = guess_type(result.original.tooth, result.prepared.tooth,
@@ -142,9 +151,6 @@ Assessment assess(const AssessmentOptions& options) {
         " by its shape; give --type if it is another");
   }
   sheet.type = kPreparationTypes[static_cast<std::size_t>(preparation.type)];
-  if (options.rubric && options.rubric->type != sheet.type)
-    throw Error("the rubric '" + options.rubric->name + "' is for the type " +
-                options.rubric->type + ", not " + sheet.type + "; choose another rubric");
   result.preparation =
       measure_preparation(result.original.tooth, result.prepared.tooth, result.preparation_surface,
                           preparation, result.target ? &result.target->tooth : nullptr);

@@ -1,7 +1,9 @@
 #include "toothprep/preparation/frame.h"
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
+#include <cstdio>
 #include <numbers>
 #include <sstream>
 
@@ -38,6 +40,7 @@ Vec3 sideways(const Vec3& x, const Vec3& d, const char* name) {
   return flat.normalized();
 }
 
+// Unit, or zero if no side was opened.
 Vec3 mean_normal_cut_away(const TriangleMesh& surface, const std::vector<float>& height,
                           double tolerance) {
   Vec3 sum = Vec3::Zero();
@@ -48,10 +51,7 @@ Vec3 mean_normal_cut_away(const TriangleMesh& surface, const std::vector<float>&
     sum += (surface.vertices[t[1]].cast<double>() - a)
                .cross(surface.vertices[t[2]].cast<double>() - a);
   }
-  if (!(sum.norm() > 1e-9))
-    throw Error(
-        "no side of the tooth was opened, so its occlusal axis can't be found; give --axis X,Y,Z");
-  return sum.normalized();
+  return sum.norm() > 1e-9 ? Vec3(sum.normalized()) : Vec3(Vec3::Zero());
 }
 
 Vec3 along_the_walls(const CutFacets& facets, const Vec3& d) {
@@ -95,6 +95,7 @@ PreparationFrame find_frame(const LayeredTooth& original, const TriangleMesh& or
   }
   frame.origin /= area;
 
+  const Vec3 opening = mean_normal_cut_away(original_surface, height_above_prepared, tolerance);
   if (options.occlusal) {
     frame.d = direction(*options.occlusal, "occlusal");
     frame.axis_source = "given";
@@ -102,7 +103,11 @@ PreparationFrame find_frame(const LayeredTooth& original, const TriangleMesh& or
     frame.d = *axis;
     frame.axis_source = "recorded";
   } else {
-    frame.d = mean_normal_cut_away(original_surface, height_above_prepared, tolerance);
+    if (opening.isZero())
+      throw Error(
+          "no side of the tooth was opened, so its occlusal axis can't be found; give --axis "
+          "X,Y,Z");
+    frame.d = opening;
     frame.axis_source = "found";
     if (options.type == PreparationType::kClass2) {
       const std::vector<Floor> floors = find_floors(facets, frame, 0.2);
@@ -115,6 +120,17 @@ PreparationFrame find_frame(const LayeredTooth& original, const TriangleMesh& or
           "the occlusal axis was found from the surface that was cut away; give --axis to judge "
           "angles against the tooth's own");
     }
+  }
+
+  // A box that is open at the side, too, leans by 45 degrees and more, but nothing sound by 80.
+  if (!opening.isZero() && opening.dot(frame.d) < std::cos(80 * std::numbers::pi / 180)) {
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "the occlusal axis %s is %.0f degrees off the direction in which the tooth was "
+                  "opened; is it right?",
+                  frame.axis_source.c_str(),
+                  std::acos(std::clamp(opening.dot(frame.d), -1.0, 1.0)) * 180 / std::numbers::pi);
+    notes.emplace_back(text);
   }
 
   const auto mesial = options.mesial ? std::optional(direction(*options.mesial, "mesial"))

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <map>
 #include <numbers>
 
@@ -52,6 +53,10 @@ double angle_uncertainty(double voxel, double span) { return std::atan(voxel / s
 std::string text_of(double value, const char* format) {
   char text[48];
   std::snprintf(text, sizeof text, format, value);
+  // Never "-0.0".
+  if (text[0] == '-' &&
+      !std::any_of(text, text + std::strlen(text), [](char c) { return c >= '1' && c <= '9'; }))
+    return text + 1;
   return text;
 }
 
@@ -192,23 +197,27 @@ double measure_cavity(Bench& bench, const Floor& floor, const std::vector<WallFa
   return depth;
 }
 
-// The vertices of a surface that bear one tissue, as a mesh of their own (open at the border).
-TriangleMesh part_of(const TriangleMesh& surface, Tissue tissue) {
-  TriangleMesh part;
-  part.vertices = surface.vertices;
-  for (const auto& t : surface.triangles)
-    if (std::all_of(t.begin(), t.end(), [&](std::uint32_t v) {
-          return surface.tissue[v] == static_cast<std::uint8_t>(tissue);
-        }))
-      part.triangles.push_back(t);
-  return part;
+constexpr auto kOther = static_cast<std::uint8_t>(Tissue::kOther);
+
+// In a tooth with tissues `other` is a neighbour; a bare mesh is `other` throughout.
+bool has_tissues(const TriangleMesh& surface) {
+  return std::any_of(surface.tissue.begin(), surface.tissue.end(), [](std::uint8_t label) {
+    return label == static_cast<std::uint8_t>(Tissue::kEnamel) ||
+           label == static_cast<std::uint8_t>(Tissue::kDentin);
+  });
 }
 
-bool has_labels(const TriangleMesh& surface, std::initializer_list<Tissue> tissues) {
-  return std::any_of(surface.tissue.begin(), surface.tissue.end(), [&](std::uint8_t label) {
-    return std::any_of(tissues.begin(), tissues.end(),
-                       [&](Tissue t) { return label == static_cast<std::uint8_t>(t); });
-  });
+// The triangles of a surface all of whose corners bear `other`, or those that remain without them,
+// as a mesh of their own.
+TriangleMesh triangles_of(const TriangleMesh& surface, bool other) {
+  TriangleMesh part;
+  part.vertices = surface.vertices;
+  part.tissue = surface.tissue;
+  for (const auto& t : surface.triangles)
+    if (other == std::all_of(t.begin(), t.end(),
+                             [&](std::uint32_t v) { return surface.tissue[v] == kOther; }))
+      part.triangles.push_back(t);
+  return part;
 }
 
 void measure_box(Bench& bench, int gingival, int pulpal) {
@@ -252,10 +261,9 @@ void measure_box(Bench& bench, int gingival, int pulpal) {
   const Wall& b = sides[static_cast<int>(opposite(a.side))];
   bench.add_length("box_width_mm", distance_between(a, b, (a.level + b.level) / 2));
 
-  const TriangleMesh neighbour =
-      has_labels(bench.original_surface, {Tissue::kEnamel, Tissue::kDentin})
-          ? part_of(bench.original_surface, Tissue::kOther)
-          : TriangleMesh{};
+  const TriangleMesh neighbour = has_tissues(bench.original_surface)
+                                     ? triangles_of(bench.original_surface, true)
+                                     : TriangleMesh{};
   if (neighbour.triangles.empty()) return;
   const TriangleTree tree(neighbour);
   double least = NAN;
@@ -416,21 +424,20 @@ void mark_walls(const Bench& bench, Section& section, Side side,
   const double level = (pair[0].level + pair[1].level) / 2;
   const double right = pair[0].distance_at(level), left = -pair[1].distance_at(level);
   section.marks.push_back({Vec2(left - shift, level - rise), Vec2(right - shift, level - rise),
-                           text_of(right - left, "%.2f mm"), true});
+                           text_of(right - left, "\u2194 %.2f mm"), true});
 }
 
-// The way along the axis from a floor at `at` to the original's surface.
-void mark_depth(const Bench& bench, Section& section, const Floor& floor) {
+// The way along the axis from what the bur left at the section's middle to the original's surface.
+void mark_depth(const Bench& bench, Section& section) {
   const PreparationFrame& frame = bench.frame();
-  const Vec3 start = section.origin + (floor.plane.height_at(frame.along_u(section.origin),
-                                                             frame.along_v(section.origin)) -
-                                       frame.height(section.origin)) *
-                                          frame.d;
-  const auto hit = bench.original_tree.first_hit(start, frame.d);
+  constexpr double kAbove = 50;  // mm, well out of the tooth
+  const auto floor = bench.tree.first_hit(section.origin + kAbove * frame.d, -frame.d);
+  if (!floor || bench.facets.facet_of(floor->triangle) < 0) return;
+  const auto hit = bench.original_tree.first_hit(floor->point, frame.d);
   if (!hit) return;
-  const double low = (start - section.origin).dot(section.up);
+  const double low = (floor->point - section.origin).dot(section.up);
   section.marks.push_back(
-      {Vec2(0, low), Vec2(0, low + hit->distance), text_of(hit->distance, "%.2f mm"), true});
+      {Vec2(0, low), Vec2(0, low + hit->distance), text_of(hit->distance, "\u2195 %.2f mm"), true});
 }
 
 void mark_margin(const Bench& bench, Section& section, Side side) {
@@ -462,7 +469,7 @@ void mark_margin(const Bench& bench, Section& section, Side side) {
     const double to = (finish - section.origin).dot(out) + bench.tolerance;
     const double sign = out.dot(section.right) > 0 ? 1 : -1;
     section.marks.push_back({Vec2(sign * from, height - rise), Vec2(sign * to, height - rise),
-                             text_of(to - from, "%.2f mm"), true});
+                             text_of(to - from, "\u2194 %.2f mm"), true});
   }
 }
 
@@ -477,10 +484,8 @@ void draw_sections(Bench& bench, const TriangleMesh* target) {
     Side side;
     const Floor* floor;
   };
-  const Floor* main = bench.floors.empty() ? nullptr : &bench.floors[0];
-  if (crown)
-    for (const Floor& f : bench.floors)
-      if (f.plane.level > main->plane.level) main = &f;
+  // A crown's sections go through the middle of the cut, a cavity's through that of its floor.
+  const Floor* main = crown || bench.floors.empty() ? nullptr : &bench.floors[0];
   const auto centre_of = [&](const Floor* floor) -> Vec3 {
     if (!floor) return frame.origin;
     return frame.origin + floor->plane.centre.x() * frame.u + floor->plane.centre.y() * frame.v;
@@ -512,10 +517,21 @@ void draw_sections(Bench& bench, const TriangleMesh* target) {
       if (crown || plans.size() < 3 || w.floor < 0 || &bench.floors[w.floor] == plan.floor)
         walls.push_back(w);
     mark_walls(bench, section, plan.side, walls);
-    if (plan.floor) mark_depth(bench, section, *plan.floor);
+    mark_depth(bench, section);
     if (crown) mark_margin(bench, section, plan.side);
     bench.result.sections.push_back(std::move(section));
   }
+}
+
+// Depths of the prepared surface inside the original; 0 on a neighbouring tooth (what a layered
+// tooth calls `other`). A groove in that is damage, told by its volume, and no wall or floor of the
+// preparation.
+std::vector<float> depth_of_cut(const TriangleMesh& surface, const LayeredTooth& original) {
+  std::vector<float> depth = depth_inside(surface, original);
+  if (has_tissues(surface))
+    for (std::size_t v = 0; v < depth.size(); ++v)
+      if (surface.tissue[v] == kOther) depth[v] = 0;
+  return depth;
 }
 
 // What every measurement starts from.
@@ -530,12 +546,15 @@ struct Cut {
       const PreparationOptions& options)
       : original_surface(extract_surface(original, SurfaceOf::kAll)),
         tolerance(options.cut_tolerance > 0 ? options.cut_tolerance : original.lattice.voxel / 10),
-        facets(surface, depth_inside(surface, original), tolerance) {
+        facets(surface, depth_of_cut(surface, original), tolerance) {
     if (facets.size() < kFewestFacets)
       throw Error("nothing was cut: no part of the prepared surface lies " +
                   text_of(tolerance, "%.3g") + " mm or more inside the original");
+    // The neighbour is outside what was prepared here, too.
+    const bool layered = has_tissues(original_surface);
     std::vector<float> above = depth_inside(original_surface, prepared);
-    for (float& a : above) a = -a;
+    for (std::size_t v = 0; v < above.size(); ++v)
+      above[v] = layered && original_surface.tissue[v] == kOther ? 0 : -above[v];
     frame = find_frame(original, original_surface, above, facets, options, tolerance, notes);
   }
 };
@@ -548,7 +567,7 @@ PreparationType guess_type(const LayeredTooth& original, const LayeredTooth& pre
                            const TriangleMesh& surface, const PreparationOptions& options) {
   const Cut cut(original, prepared, surface, options);
   const PreparationFrame& frame = cut.frame;
-  const TriangleTree tree(surface);
+  const TriangleTree tree(has_tissues(surface) ? triangles_of(surface, false) : surface);
   double walls = 0, outside = 0;
   for (const Facet& f : cut.facets.all()) {
     if (std::abs(f.normal.dot(frame.d)) > std::sqrt(0.5)) continue;

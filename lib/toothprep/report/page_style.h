@@ -96,8 +96,8 @@ text.label { fill: var(--fit); font-weight: 600; paint-order: stroke; stroke: va
 text.label.dim { fill: var(--accent); }
 svg.plot .grid { stroke: var(--line); } .axis { stroke: var(--muted); stroke-width: 1; } .zero { stroke: var(--ink); stroke-width: 1; }
 .band1 { fill: var(--good); opacity: .16; } .band2 { fill: var(--good); opacity: .10; }
-.bar-left { fill: var(--accent); } .bar-taken { fill: var(--bad); }
-svg text.taken { fill: var(--bad); } svg text.left { fill: var(--accent); }
+.bar-left { fill: var(--bad); } .bar-taken { fill: var(--accent); }
+svg text.taken { fill: var(--accent); } svg text.left { fill: var(--bad); }
 .curve-force { fill: var(--force); stroke: var(--force); stroke-width: 1; stroke-linejoin: round; }
 .curve-felt { fill: var(--felt); stroke: var(--felt); stroke-width: 1; stroke-linejoin: round; }
 .curve-power { fill: var(--power); fill-opacity: .45; stroke: var(--power); stroke-width: 1; stroke-linejoin: round; }

@@ -103,9 +103,9 @@ std::string head(const ScorePage& page, const std::string& title) {
                      (s.type.empty() ? "" : ": " + escaped(type_name(s.type))) + "</p>\n";
   html += "<dl class=\"facts\">\n";
   for (const ScoreInput& input : s.inputs)
-    html += fact(input.role, "<span title=\"sha256 " + escaped(input.sha256) + "\">" +
-                                 escaped(input.file) + "</span> <code>" +
-                                 escaped(input.sha256.substr(0, 12)) + "</code>");
+    html += fact(input.role == "rubric" ? "rubric file" : input.role,
+                 "<span title=\"sha256 " + escaped(input.sha256) + "\">" + escaped(input.file) +
+                     "</span> <code>" + escaped(input.sha256.substr(0, 12)) + "</code>");
   if (!s.type.empty())
     html += fact(
         "kind", escaped(type_name(s.type) + (s.type_from.empty() ? "" : " (" + s.type_from + ")")));
@@ -261,7 +261,7 @@ std::string score_page_html(const ScorePage& page) {
   if (page.deviation)
     html += plot_section("Deviation from the target", deviation_svg(*page.deviation),
                          "Share of the prepared surface by its signed distance to the target's "
-                         "surface. Red: too much was taken; blue: material was left.");
+                         "surface. Blue: too much was taken; red: material was left.");
   if (page.trace)
     html +=
         plot_section("Course of the work", trace_svg(*page.trace),

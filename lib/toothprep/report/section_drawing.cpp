@@ -284,7 +284,7 @@ std::string section_legend(const std::vector<Section>& sections) {
   if (any(&Section::dentin)) stroke("dentin", "dentin");
   if (any(&Section::target)) stroke("target", "target");
   stroke("fit", "fitted wall or floor");
-  stroke("dimension", "measured width");
+  stroke("dimension", "measured distance");
   return html + "<li class=\"muted\">grid: 1 mm</li>\n</ul>\n";
 }
 
