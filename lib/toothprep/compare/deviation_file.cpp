@@ -9,7 +9,7 @@ namespace toothprep {
 namespace {
 
 constexpr Rgb kOver = {59, 76, 192}, kUnder = {180, 4, 38}, kAgree = {247, 247, 247},
-                 kOutside = {168, 168, 168};
+              kOutside = {168, 168, 168};
 
 }  // namespace
 
