@@ -105,7 +105,7 @@ void run(Options o, const Common& common) {
   }
   AssessmentOptions& a = o.assessment;
   if (a.original.empty() || a.prepared.empty() || o.output.empty())
-    throw CLI::RequiredError("--original, --prepared and --output");
+    throw CLI::ValidationError("score", "needs --original, --prepared and --output");
   if (!o.type.empty())
     a.type = static_cast<PreparationType>(
         std::find(kPreparationTypes.begin(), kPreparationTypes.end(), o.type) -

@@ -10,6 +10,7 @@
 #include "teeth_in_files.h"
 #include "toothprep/compare/cut_surface.h"
 #include "toothprep/core/errors.h"
+#include "toothprep/score/definitions.h"
 
 namespace toothprep {
 namespace {
@@ -297,6 +298,22 @@ TEST_F(Assess, AnOriginalMeshAgainstVoxelsHasASkinOfNoise) {
   EXPECT_NEAR(value_of(assessment, "removed_mm3.total"), removed, 0.01 * removed);
   EXPECT_NEAR(value_of(assessment, "wall_angles_deg.v_plus"), 6, 1);
   EXPECT_EQ(assessment.sheet.axis_from, "found");
+}
+
+TEST_F(Assess, EveryFigureHasItsDefinitionAndItsUnit) {
+  const std::pair<CavityOptions, PreparationType> forms[] = {
+      {class1_box(5), PreparationType::kClass1},
+      {class2_box(), PreparationType::kClass2},
+      {round_stump(12), PreparationType::kCrown}};
+  for (const auto& [cavity, type] : forms) {
+    AssessmentOptions options = files_of(cavity, type);
+    options.target = options.prepared;
+    for (const Quantity& q : assess(options).sheet.quantities) {
+      const QuantityDefinition* definition = find_definition(q.key);
+      ASSERT_NE(definition, nullptr) << q.key;
+      EXPECT_EQ(definition->unit, q.unit) << q.key;
+    }
+  }
 }
 
 TEST_F(Assess, TheTypeIsTheRubricsUnlessAnotherIsGiven) {
