@@ -82,8 +82,8 @@ TEST_F(Files, PlyHoldsDeviationQualityAndColourPerVertex) {
       EXPECT_EQ(quality, 0);  // MeshLab takes no NaN
     }
     const Rgb colour = {at<std::uint8_t>(text, data + v * row + 13),
-                           at<std::uint8_t>(text, data + v * row + 14),
-                           at<std::uint8_t>(text, data + v * row + 15)};
+                        at<std::uint8_t>(text, data + v * row + 14),
+                        at<std::uint8_t>(text, data + v * row + 15)};
     EXPECT_EQ(colour, deviation_colour(kDeviation[v], 0.5));
   }
   // It still is a mesh to whoever reads meshes.
@@ -106,8 +106,7 @@ TEST_F(Files, VtkHoldsTheDeviationAsPointData) {
 }
 
 TEST(DeviationColour, IsBlueBelowWhiteAtZeroAndRedAbove) {
-  const Rgb over = deviation_colour(-9), agree = deviation_colour(0),
-               under = deviation_colour(9);
+  const Rgb over = deviation_colour(-9), agree = deviation_colour(0), under = deviation_colour(9);
   EXPECT_GT(over[2], over[0]);
   EXPECT_GT(under[0], under[2]);
   EXPECT_EQ(agree[0], agree[2]);
