@@ -11,6 +11,7 @@
 #include "toothprep/compare/deviation.h"
 #include "toothprep/core/errors.h"
 #include "toothprep/mesh/shells.h"
+#include "toothprep/tooth/level_at.h"
 
 namespace toothprep {
 namespace {
@@ -34,8 +35,8 @@ TEST(CutSurface, SamplesALinearFieldExactly) {
       },
       false);
   for (const Vec3& x : {Vec3(0.123, 0.456, 0.011), Vec3(-0.31, 0.2, 0.3), Vec3(0.1, 0.2, 0.3)})
-    EXPECT_NEAR(sample(tooth.solid, tooth.lattice, x), 0.2 * slope.dot(x), 1e-7);
-  EXPECT_EQ(sample(tooth.solid, tooth.lattice, Vec3(1e30, 0, 0)), tooth.solid.background());
+    EXPECT_NEAR(level_at(tooth.solid, tooth.lattice, x), 0.2 * slope.dot(x), 1e-7);
+  EXPECT_EQ(level_at(tooth.solid, tooth.lattice, Vec3(1e30, 0, 0)), tooth.solid.background());
 }
 
 TEST(CutSurface, DepthIsZeroOnTheOriginalSurfaceAndTheTrueDepthInACut) {

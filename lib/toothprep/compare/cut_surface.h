@@ -23,9 +23,6 @@ namespace toothprep {
 constexpr double kCutToleranceVoxels = 0.5;
 inline double cut_tolerance(const Lattice& lattice) { return kCutToleranceVoxels * lattice.voxel; }
 
-// The trilinear interpolant of a level set at a point of W (mm); outside the box the background.
-double sample(const LevelSet& level_set, const Lattice& lattice, const Vec3& x);
-
 // Depth of each vertex inside the original, mm (see above).
 std::vector<float> depth_inside(const TriangleMesh& surface, const LayeredTooth& original);
 

@@ -12,6 +12,7 @@
 #include "toothprep/core/errors.h"
 #include "toothprep/core/hash.h"
 #include "toothprep/mesh/shells.h"
+#include "toothprep/tooth/level_at.h"
 #include "toothprep/toothfile/tooth_file.h"
 
 namespace toothprep {
@@ -146,7 +147,7 @@ LevelSet resampled(const LayeredTooth& source, const Pose& motion, const LevelSe
     }
     for (int v = 0; v < kBrickVoxels; ++v) {
       const Vec3 x = lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7));
-      const auto value = static_cast<float>(sample(phi, source.lattice, motion.to_local(x)));
+      const auto value = static_cast<float>(level_at(phi, source.lattice, motion.to_local(x)));
       values[v] = value >= told ? band : value <= -told ? -band : std::clamp(value, -band, band);
     }
   });

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "toothprep/core/errors.h"
+#include "toothprep/tooth/level_at.h"
 
 namespace toothprep {
 
@@ -12,18 +13,6 @@ RenderPart part_of(const LayeredTooth& tooth) {
   if (part.mesh.triangles.empty()) throw Error("nothing remains of the tooth");
   part.tooth = &tooth;
   return part;
-}
-
-double level_at(const LevelSet& level_set, const Lattice& lattice, const Vec3& x) {
-  const Vec3 at = lattice.to_index(x);
-  const Vec3 low(std::floor(at.x()), std::floor(at.y()), std::floor(at.z()));
-  const Index3 i = low.cast<int>();
-  const Vec3 t = at - low;
-  double sum = 0;
-  for (int c = 0; c < 8; ++c)
-    sum += (c & 1 ? t.x() : 1 - t.x()) * (c & 2 ? t.y() : 1 - t.y()) * (c & 4 ? t.z() : 1 - t.z()) *
-           level_set.value(i.x() + (c & 1), i.y() + (c >> 1 & 1), i.z() + (c >> 2));
-  return sum;
 }
 
 Vec3 level_normal(const LayeredTooth& tooth, const Vec3& x) {

@@ -28,9 +28,6 @@ struct RenderPart {
 // The part of a tooth: its surface. Throws Error if nothing remains of it.
 RenderPart part_of(const LayeredTooth& tooth);
 
-// Trilinear value of a level set at a place, mm (W).
-double level_at(const LevelSet& level_set, const Lattice& lattice, const Vec3& x);
-
 // Outward unit normal of the solid's level set at a place near its surface, by central differences
 // over a voxel; zero where the level set says nothing.
 Vec3 level_normal(const LayeredTooth& tooth, const Vec3& x);

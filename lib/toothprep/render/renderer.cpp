@@ -11,6 +11,7 @@
 #include "toothprep/core/errors.h"
 #include "toothprep/raycast/triangle_tree.h"
 #include "toothprep/render/mesh_normals.h"
+#include "toothprep/tooth/level_at.h"
 
 namespace toothprep {
 namespace {
