@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "command.h"
-#include "toothprep/batch/run_batch.h"
-#include "toothprep/core/errors.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/batch/run_batch.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -119,7 +119,7 @@ void add_batch(CLI::App& app, const Common& common) {
       "  arguments = { original = \"molar.vdb\", type = \"crown\", report = true }\n"
       "Run again it goes on where it stopped, and repeats only what changed. A row for each item "
       "in\n"
-      "batch.csv and batch.json. The format: lib/toothprep/batch/README.md.\n"
+      "batch.csv and batch.json. The format: lib/toothprep/tools/batch/README.md.\n"
       "Example: toothprep batch class.toml -o results");
   sub->callback([o, &app, &common] { run(*o, app, common); });
 }

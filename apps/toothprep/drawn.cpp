@@ -3,10 +3,10 @@
 #include <cctype>
 #include <filesystem>
 
-#include "toothprep/core/errors.h"
-#include "toothprep/mesh/shells.h"
-#include "toothprep/render/ply_values.h"
-#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/render/ply_values.h"
+#include "toothprep/tools/shells/shells.h"
 
 namespace toothprep::app {
 

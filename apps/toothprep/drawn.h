@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "toothprep/render/part.h"
+#include "toothprep/tools/render/part.h"
 
 namespace toothprep::app {
 

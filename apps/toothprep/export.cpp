@@ -2,9 +2,9 @@
 #include <memory>
 
 #include "command.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/trace/trace.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/io/output_file.h"
 
 namespace toothprep::app {
 namespace {

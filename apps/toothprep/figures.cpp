@@ -1,5 +1,5 @@
 // toothprep figures: the paper's experiments, run and checked.
-#include "toothprep/figures/figures.h"
+#include "toothprep/proof/figures/figures.h"
 
 #include <unistd.h>
 
@@ -12,11 +12,11 @@
 
 #include "command.h"
 #include "drawn.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/figures/experiment.h"
-#include "toothprep/render/overlay.h"
-#include "toothprep/render/renderer.h"
+#include "toothprep/proof/figures/experiment.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/render/overlay.h"
+#include "toothprep/tools/render/renderer.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {

@@ -12,11 +12,11 @@
 
 #include "command.h"
 #include "mesh_summary.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/hash.h"
-#include "toothprep/scan/image_file.h"
-#include "toothprep/toothfile/tooth_file.h"
-#include "toothprep/trace/trace.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/scan_files/image_file.h"
 
 namespace toothprep::app {
 namespace {

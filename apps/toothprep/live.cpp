@@ -13,19 +13,19 @@
 
 #include "command.h"
 #include "session_options.h"
-#include "toothprep/bur/bur_library.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/core/units.h"
-#include "toothprep/display/display_surface.h"
-#include "toothprep/haptics/openhaptics_device.h"
-#include "toothprep/haptics/simulated_device.h"
-#include "toothprep/live/live_watch.h"
-#include "toothprep/live/tick_statistics.h"
-#include "toothprep/recording/session_recorder.h"
-#include "toothprep/rig/protocol.h"
-#include "toothprep/rig/protocol_force.h"
-#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/tools/device/openhaptics_device.h"
+#include "toothprep/tools/device/simulated_device.h"
+#include "toothprep/tools/display/display_surface.h"
+#include "toothprep/tools/files/session_recorder.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/live/live_watch.h"
+#include "toothprep/tools/live/tick_statistics.h"
+#include "toothprep/tools/rig_check/protocol.h"
+#include "toothprep/tools/rig_check/protocol_force.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -466,8 +466,9 @@ void add_live(CLI::App& app, const Common& common) {
       ->check(CLI::Range(100L, 10000L));
   sub->add_option("--duration-s", o->duration, "Ends after so long (absent: until Ctrl-C)")
       ->check(CLI::Range(0.01, 86400.0));
-  sub->add_option("--registration", o->registration,
-                  "Device frame to tooth frame (.toml; format in lib/toothprep/live/README.md)");
+  sub->add_option(
+      "--registration", o->registration,
+      "Device frame to tooth frame (.toml; format in lib/toothprep/tools/live/README.md)");
   sub->add_option(
          "--start-mm", o->start,
          "Where in the tooth's frame the hand starts, X,Y,Z (absent: 3 mm above the tooth)")

@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "command.h"
-#include "toothprep/core/errors.h"
+#include "toothprep/step/core/errors.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {

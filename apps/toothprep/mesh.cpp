@@ -4,10 +4,10 @@
 #include <memory>
 
 #include "command.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/mesh/surface.h"
-#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/mesh/surface.h"
 
 namespace toothprep::app {
 namespace {

@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "toothprep/core/errors.h"
-#include "toothprep/core/geometry.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/geometry.h"
 
 namespace toothprep::app {
 

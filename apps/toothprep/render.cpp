@@ -9,13 +9,13 @@
 
 #include "command.h"
 #include "drawn.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/raycast/triangle_tree.h"
-#include "toothprep/render/image.h"
-#include "toothprep/render/overlay.h"
-#include "toothprep/render/ply_values.h"
-#include "toothprep/render/renderer.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/mesh/triangle_tree.h"
+#include "toothprep/tools/render/image.h"
+#include "toothprep/tools/render/overlay.h"
+#include "toothprep/tools/render/ply_values.h"
+#include "toothprep/tools/render/renderer.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {

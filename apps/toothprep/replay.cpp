@@ -1,6 +1,6 @@
 // toothprep replay: a trajectory through force, coupling, stall and removal; a trace and the
 // prepared tooth.
-#include "toothprep/session/replay.h"
+#include "toothprep/step/session/replay.h"
 
 #include <unistd.h>
 
@@ -12,13 +12,13 @@
 
 #include "command.h"
 #include "session_options.h"
-#include "toothprep/bur/bur_library.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/hash.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/core/units.h"
-#include "toothprep/toothfile/tooth_file.h"
-#include "toothprep/trace/trace.h"
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/io/output_file.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {

@@ -8,13 +8,13 @@
 #include <memory>
 
 #include "command.h"
-#include "toothprep/bur/bur_library.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/recording/session_file.h"
-#include "toothprep/rig/rig_report.h"
-#include "toothprep/session/replay.h"
-#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/session/replay.h"
+#include "toothprep/tools/files/session_file.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/rig_check/rig_report.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {

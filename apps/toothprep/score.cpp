@@ -8,11 +8,11 @@
 #include "command.h"
 #include "score_report.h"
 #include "session_options.h"
-#include "toothprep/assess/assess.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/hash.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/score/definitions.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/score/assess.h"
+#include "toothprep/tools/score/definitions.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {

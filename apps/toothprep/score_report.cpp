@@ -5,12 +5,12 @@
 #include <fstream>
 
 #include "session_options.h"
-#include "toothprep/compare/cut_surface.h"
-#include "toothprep/compare/deviation_file.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/render/overlay.h"
-#include "toothprep/render/renderer.h"
-#include "toothprep/report/score_page.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/compare/cut_surface.h"
+#include "toothprep/tools/compare/deviation_file.h"
+#include "toothprep/tools/render/overlay.h"
+#include "toothprep/tools/render/renderer.h"
+#include "toothprep/tools/score_report/score_page.h"
 
 namespace toothprep::app {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "toothprep/assess/assess.h"
+#include "toothprep/tools/score/assess.h"
 
 namespace toothprep::app {
 

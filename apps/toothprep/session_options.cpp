@@ -3,9 +3,9 @@
 #include <filesystem>
 #include <iostream>
 
-#include "toothprep/bur/bur_library.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/trace/trace.h"
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/trace.h"
 
 namespace toothprep::app {
 

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "command.h"
-#include "toothprep/core/parameters.h"
-#include "toothprep/trajectory/trajectory.h"
+#include "toothprep/step/core/parameters.h"
+#include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep::app {
 

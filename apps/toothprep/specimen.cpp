@@ -6,13 +6,13 @@
 #include <sstream>
 
 #include "command.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/scan/image_file.h"
-#include "toothprep/specimen/block.h"
-#include "toothprep/specimen/molar.h"
-#include "toothprep/specimen/synthetic_scan.h"
-#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/proof/specimen/block.h"
+#include "toothprep/proof/specimen/molar.h"
+#include "toothprep/proof/specimen/synthetic_scan.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/scan_files/image_file.h"
 
 namespace toothprep::app {
 namespace {

@@ -9,11 +9,11 @@
 #include <sstream>
 
 #include "command.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/core/units.h"
-#include "toothprep/specimen/cavity.h"
-#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/proof/specimen/cavity.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/output_file.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -207,7 +207,8 @@ void add_cavity(CLI::App& specimen, const Common& common) {
   number(sub, "--offset-mm", c.offset, "Grow the cavity by this on all sides");
   sub->footer(
       "u is mesial (+x before turning), v buccal (-z), the opening occlusal (+y).\n"
-      "The truth has the keys of score.json; lib/toothprep/specimen/cavity.h defines every shape.\n"
+      "The truth has the keys of score.json; lib/toothprep/proof/specimen/cavity.h defines every "
+      "shape.\n"
       "Example: toothprep specimen cavity --kind box --taper-deg 6 --original original.vdb\n"
       "         -o prepared.vdb --truth truth.json");
   sub->callback([o, &common] { run(*o, common); });

@@ -1,5 +1,5 @@
 // toothprep voxelize: a CT scan, a segmentation or closed shells to a layered tooth.
-#include "toothprep/scan/voxelize.h"
+#include "toothprep/tools/segmentation/voxelize.h"
 
 #include <unistd.h>
 
@@ -12,15 +12,15 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
-#include "toothprep/core/errors.h"
-#include "toothprep/core/hash.h"
-#include "toothprep/core/output_file.h"
-#include "toothprep/mesh/shells.h"
-#include "toothprep/scan/crop.h"
-#include "toothprep/scan/hounsfield.h"
-#include "toothprep/scan/image_file.h"
-#include "toothprep/scan/scan_report.h"
-#include "toothprep/toothfile/tooth_file.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/scan_files/image_file.h"
+#include "toothprep/tools/segmentation/crop.h"
+#include "toothprep/tools/segmentation/hounsfield.h"
+#include "toothprep/tools/segmentation/scan_report.h"
+#include "toothprep/tools/shells/shells.h"
 
 namespace toothprep::app {
 namespace {

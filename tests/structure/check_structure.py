@@ -1,9 +1,11 @@
-"""The house rules that a reviewer would otherwise have to remember, read from the sources.
+"""The rules of the source tree, checked.
 
-- A room includes only rooms that its CMakeLists.txt declares (ROOMS), directly or through them; there are
-  no cycles, and the rooms of the haptic step need no room of file formats.
-- Heavy headers stay in the rooms that need them.
-- Every source is built, every room has a README, and no file is large.
+- A module includes only modules that its CMakeLists.txt declares (MODULES), directly or through them; there are
+  no cycles.
+- Three rings, lib/toothprep/step, tools and proof: the step needs modules of the step only, the tools nothing of the
+  proof; the light modules (CMakeLists.txt) need light modules only.
+- Heavy headers stay in the modules that need them.
+- Every source is built, every module has a README, and no file is large.
 
 Usage: check_structure.py [ROOT]; prints one line per breach and exits 1 if there is one.
 """
@@ -12,23 +14,24 @@ import subprocess
 import sys
 from pathlib import Path
 
-# Header prefix -> folders that may include it. Tests of a room may do what the room may do.
+# Header prefix -> folders that may include it. Tests of a module may do what the module may do.
 HEAVY = {
-    "openvdb": ["lib/toothprep/toothfile", "tests"],
+    "openvdb": ["lib/toothprep/tools/files", "tests"],
     "nanovdb": ["tests"],
-    "itk": ["lib/toothprep/scan"],
-    "gdcm": ["lib/toothprep/scan"],
-    "hdf5": ["lib/toothprep/trace"],
-    "H5": ["lib/toothprep/trace"],
-    "CGAL": ["lib/toothprep/mesh", "tests"],
-    "ceres": ["lib/toothprep/calibrate"],
-    "embree": ["lib/toothprep/raycast"],
-    "OpenEXR": ["lib/toothprep/render"],
-    "Imf": ["lib/toothprep/render"],
-    "png": ["lib/toothprep/render"],
+    "itk": ["lib/toothprep/tools/scan_files", "lib/toothprep/tools/segmentation"],
+    "gdcm": ["lib/toothprep/tools/scan_files"],
+    "hdf5": ["lib/toothprep/tools/files"],
+    "H5": ["lib/toothprep/tools/files"],
+    "CGAL": ["lib/toothprep/tools/shells", "tests"],
+    "ceres": ["lib/toothprep/tools/calibrate"],
+    "embree": ["lib/toothprep/tools/mesh"],
+    "OpenEXR": ["lib/toothprep/tools/render"],
+    "Imf": ["lib/toothprep/tools/render"],
+    "png": ["lib/toothprep/tools/render"],
     "CLI/": ["apps"],
-    "openssl": ["lib/toothprep/core"],
+    "openssl": ["lib/toothprep/step/core"],
 }
+RINGS = ["step", "tools", "proof"]  # each may use itself and what stands before it
 LARGEST_FILE = 1_000_000  # bytes
 SOURCES = {".h", ".cpp", ".cc", ".hpp"}
 
@@ -59,13 +62,13 @@ def declared(cmake, function, keys):
     return calls
 
 
-def reachable(rooms, start):
-    """All rooms that `start` may include, itself among them; and a cycle, if there is one."""
+def reachable(modules, start):
+    """All modules that `start` may include, itself among them; and a cycle, if there is one."""
     seen, stack = {start}, [(start, (start,))]
     cycle = None
     while stack:
-        room, path = stack.pop()
-        for needed in rooms.get(room, {}).get("ROOMS", []):
+        module, path = stack.pop()
+        for needed in modules.get(module, {}).get("MODULES", []):
             if needed == start:
                 cycle = path + (start,)
             if needed not in seen:
@@ -89,53 +92,69 @@ def repository_files(root):
 def check(root):
     root = Path(root).resolve()
     library = root / "lib" / "toothprep"
-    breaches, rooms = [], {}
-    keys = ["SOURCES", "ROOMS", "PUBLIC", "PRIVATE"]
-    folders = sorted(p for p in library.iterdir() if p.is_dir())
+    breaches, modules, ring_of = [], {}, {}
+    keys = ["SOURCES", "MODULES", "PUBLIC", "PRIVATE"]
+    folders = sorted(p for ring in RINGS for p in (library / ring).glob("*") if p.is_dir())
+    for path in library.iterdir():
+        if path.is_dir() and path.name not in RINGS:
+            breaches.append(f"{path.relative_to(root)}: is none of the rings {', '.join(RINGS)}")
     for folder in folders:
         place = folder.relative_to(root)
+        ring_of[folder.name] = folder.parent.name
         if not (folder / "README.md").is_file():
             breaches.append(f"{place}: has no README.md")
         if not (folder / "CMakeLists.txt").is_file():
             breaches.append(f"{place}: has no CMakeLists.txt")
             continue
-        calls = declared(cmake_text(folder / "CMakeLists.txt"), "toothprep_room", keys)
+        calls = declared(cmake_text(folder / "CMakeLists.txt"), "toothprep_(?:module|plugin)", keys)
         if list(calls) != [folder.name]:
-            breaches.append(f"{place}/CMakeLists.txt: declares {', '.join(calls) or 'no room'} "
+            breaches.append(f"{place}/CMakeLists.txt: declares {', '.join(calls) or 'no module'} "
                             f"instead of {folder.name}")
-        rooms.update(calls)
+        modules.update(calls)
 
-    for name, room in sorted(rooms.items()):
-        for needed in room["ROOMS"]:
-            if needed not in rooms:
-                breaches.append(f"lib/toothprep/{name}/CMakeLists.txt: ROOMS names '{needed}', which does "
-                                "not exist")
-        cycle = reachable(rooms, name)[1]
+    for name, module in sorted(modules.items()):
+        for needed in module["MODULES"]:
+            if needed not in modules:
+                breaches.append(f"{name}'s CMakeLists.txt: MODULES names '{needed}', which does not exist")
+        cycle = reachable(modules, name)[1]
         if cycle:
-            breaches.append(f"lib/toothprep/{name}/CMakeLists.txt: ROOMS form a cycle: {' -> '.join(cycle)}")
+            breaches.append(f"{name}'s CMakeLists.txt: MODULES form a cycle: {' -> '.join(cycle)}")
+        for needed in sorted(reachable(modules, name)[0]):
+            if name in ring_of and needed in ring_of and (
+                    RINGS.index(ring_of[needed]) > RINGS.index(ring_of[name])):
+                breaches.append(f"{name}: belongs to the ring '{ring_of[name]}' but needs '{needed}' of the "
+                                f"ring '{ring_of[needed]}'")
 
     top = root / "CMakeLists.txt"
-    step = re.search(r"set\s*\(STEP_ROOMS\s+([^)]*)\)", cmake_text(top)) if top.is_file() else None
-    step = set(step.group(1).split()) if step else set()
-    for name in sorted(step & set(rooms)):
-        for needed in sorted(reachable(rooms, name)[0] - step):
-            breaches.append(f"lib/toothprep/{name}: belongs to the haptic step but needs '{needed}', which "
-                            "does not")
+    top = cmake_text(top) if top.is_file() else ""
+    lists = {name: set(values.split()) for name, values in
+             re.findall(r"set\s*\((\w+)_MODULES\s+([^)]*)\)", top)}
+    light = set()
+    for word in lists.get("LIGHT", ()):
+        light |= lists.get("STEP", set()) if word == "${STEP_MODULES}" else {word}
+    for name in sorted(light & set(modules)):
+        for needed in sorted(reachable(modules, name)[0] - light):
+            breaches.append(f"{name}: is a light module but needs '{needed}', which is not")
 
     for folder in folders:
-        allowed = reachable(rooms, folder.name)[0]
-        built = rooms.get(folder.name, {}).get("SOURCES", [])
+        allowed = reachable(modules, folder.name)[0]
+        built = modules.get(folder.name, {}).get("SOURCES", [])
         for path in sorted(folder.rglob("*")):
             if path.suffix not in SOURCES:
                 continue
             place = path.relative_to(root)
             if path.suffix in {".cpp", ".cc"} and str(path.relative_to(folder)) not in built:
-                breaches.append(f"{place}: is not among the SOURCES of its room")
+                breaches.append(f"{place}: is not among the SOURCES of its module")
             for number, header in includes(path):
-                match = re.match(r"toothprep/(\w+)/", header)
-                if match and match.group(1) not in allowed:
+                match = re.match(r"toothprep/(\w+)/(\w+)/", header)
+                if not match:
+                    continue
+                ring, module = match.groups()
+                if not (library / ring / module).is_dir():
+                    breaches.append(f"{place}:{number}: includes {header}, but there is no module {ring}/{module}")
+                elif module not in allowed:
                     breaches.append(f"{place}:{number}: includes {header}, but {folder.name} does not "
-                                    f"declare the room {match.group(1)} (ROOMS in its CMakeLists.txt)")
+                                    f"declare the module {module} (MODULES in its CMakeLists.txt)")
 
     for part in ("lib", "apps", "tests"):
         for path in sorted((root / part).rglob("*")):
@@ -144,10 +163,10 @@ def check(root):
             place = str(path.relative_to(root))
             for number, header in includes(path):
                 for prefix, homes in HEAVY.items():
-                    homes = homes + [h.replace("lib/toothprep/", "tests/") for h in homes]
-                    if header.startswith(prefix) and not any(place.startswith(h + "/") for h in homes):
+                    allowed = homes + [h.replace("lib/toothprep/", "tests/") for h in homes]
+                    if header.startswith(prefix) and not any(place.startswith(h + "/") for h in allowed):
                         breaches.append(f"{place}:{number}: includes {header}, which belongs in "
-                                        f"{' or '.join(homes[:1])}")
+                                        f"{homes[0]}")
 
     for path in repository_files(root):
         if path.stat().st_size > LARGEST_FILE:

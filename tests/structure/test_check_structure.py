@@ -6,20 +6,29 @@ from pathlib import Path
 from check_structure import check
 
 TREE = {
-    "CMakeLists.txt": "set(STEP_ROOMS core tooth)\nset(FILE_ROOMS toothfile)\n",
-    "lib/toothprep/core/CMakeLists.txt": "toothprep_room(core\n  SOURCES a.cpp\n  PUBLIC Eigen3::Eigen)\n",
-    "lib/toothprep/core/README.md": "core",
-    "lib/toothprep/core/a.h": "#include <string>\n",
-    "lib/toothprep/core/a.cpp": '#include "toothprep/core/a.h"\n#include <openssl/evp.h>\n',
-    "lib/toothprep/tooth/CMakeLists.txt": "toothprep_room(tooth SOURCES t.cpp ROOMS core) # ROOMS toothfile\n",
-    "lib/toothprep/tooth/README.md": "tooth",
-    "lib/toothprep/tooth/t.cpp": '#include "toothprep/core/a.h"\n',
-    "lib/toothprep/toothfile/CMakeLists.txt": "toothprep_room(toothfile SOURCES f.cpp ROOMS tooth)\n",
-    "lib/toothprep/toothfile/README.md": "toothfile",
-    "lib/toothprep/toothfile/f.cpp": "#include <openvdb/openvdb.h>\n"
-                                     '#include "toothprep/core/a.h"\n',  # through tooth
+    "CMakeLists.txt": "set(STEP_MODULES core tooth)\nset(TOOLS_MODULES files live)\n"
+                      "set(LIGHT_MODULES ${STEP_MODULES} live)\n",
+    "lib/toothprep/step/core/CMakeLists.txt":
+        "toothprep_module(core\n  SOURCES a.cpp\n  PUBLIC Eigen3::Eigen)\n",
+    "lib/toothprep/step/core/README.md": "core",
+    "lib/toothprep/step/core/a.h": "#include <string>\n",
+    "lib/toothprep/step/core/a.cpp": '#include "toothprep/step/core/a.h"\n#include <openssl/evp.h>\n',
+    "lib/toothprep/step/tooth/CMakeLists.txt":
+        "toothprep_module(tooth SOURCES t.cpp MODULES core) # MODULES files\n",
+    "lib/toothprep/step/tooth/README.md": "tooth",
+    "lib/toothprep/step/tooth/t.cpp": '#include "toothprep/step/core/a.h"\n',
+    "lib/toothprep/tools/files/CMakeLists.txt": "toothprep_module(files SOURCES f.cpp MODULES tooth)\n",
+    "lib/toothprep/tools/files/README.md": "files",
+    "lib/toothprep/tools/files/f.cpp": "#include <openvdb/openvdb.h>\n"
+                                       '#include "toothprep/step/core/a.h"\n',  # through tooth
+    "lib/toothprep/tools/live/CMakeLists.txt": "toothprep_module(live SOURCES l.cpp MODULES tooth)\n",
+    "lib/toothprep/tools/live/README.md": "live",
+    "lib/toothprep/tools/live/l.cpp": "",
+    "lib/toothprep/proof/specimen/CMakeLists.txt": "toothprep_module(specimen SOURCES s.cpp MODULES files)\n",
+    "lib/toothprep/proof/specimen/README.md": "specimen",
+    "lib/toothprep/proof/specimen/s.cpp": "",
     "apps/toothprep/main.cpp": "#include <CLI/CLI.hpp>\n",
-    "tests/toothfile/test_f.cpp": "#include <openvdb/openvdb.h>\n",
+    "tests/tools/files/test_f.cpp": "#include <openvdb/openvdb.h>\n",
 }
 
 
@@ -43,42 +52,55 @@ class Breaches(unittest.TestCase):
         self.assertEqual(self.breaches({}), [])
 
     def test_undeclared_edge(self):
-        self.expect({"lib/toothprep/core/a.h": '#include "toothprep/tooth/t.h"\n'},
-                    "core/a.h:1", "does not declare the room tooth")
+        self.expect({"lib/toothprep/step/core/a.h": '#include "toothprep/step/tooth/t.h"\n'},
+                    "core/a.h:1", "does not declare the module tooth")
 
     def test_edge_declared_only_in_a_comment(self):
-        self.expect({"lib/toothprep/tooth/t.cpp": '#  include <toothprep/toothfile/f.h>\n'}, "tooth/t.cpp:1")
+        self.expect({"lib/toothprep/step/tooth/t.cpp": '#  include <toothprep/tools/files/f.h>\n'},
+                    "tooth/t.cpp:1")
+
+    def test_include_of_a_module_that_does_not_exist(self):
+        self.expect({"lib/toothprep/step/tooth/t.cpp": '#include "toothprep/tools/core/a.h"\n'},
+                    "tooth/t.cpp:1", "no module tools/core")
 
     def test_cycle(self):
-        found = self.breaches({"lib/toothprep/core/CMakeLists.txt":
-                               "toothprep_room(core SOURCES a.cpp ROOMS tooth)\n"})
+        found = self.breaches({"lib/toothprep/step/core/CMakeLists.txt":
+                               "toothprep_module(core SOURCES a.cpp MODULES tooth)\n"})
         self.assertEqual(len(found), 2)  # seen from both ends
         self.assertIn("core -> tooth -> core", found[0])
 
-    def test_unknown_room(self):
-        self.expect({"lib/toothprep/toothfile/CMakeLists.txt":
-                     "toothprep_room(toothfile SOURCES f.cpp ROOMS tooth teeth)\n"}, "'teeth'")
+    def test_unknown_module(self):
+        self.expect({"lib/toothprep/tools/files/CMakeLists.txt":
+                     "toothprep_module(files SOURCES f.cpp MODULES tooth teeth)\n"}, "'teeth'")
 
-    def test_step_needs_a_file_format(self):
-        changes = {"lib/toothprep/view/CMakeLists.txt": "toothprep_room(view SOURCES v.cpp ROOMS toothfile)\n",
-                   "lib/toothprep/view/README.md": "view", "lib/toothprep/view/v.cpp": "",
-                   "CMakeLists.txt": "set(STEP_ROOMS core tooth view)\n"}
-        self.expect(changes, "lib/toothprep/view", "haptic step", "'toothfile'")
+    def test_a_light_module_needs_a_heavy_one(self):
+        self.expect({"lib/toothprep/tools/live/CMakeLists.txt":
+                     "toothprep_module(live SOURCES l.cpp MODULES files)\n"}, "live", "light", "'files'")
 
-    def test_heavy_header_outside_its_room(self):
-        self.expect({"lib/toothprep/tooth/t.cpp": "#include <openvdb/openvdb.h>\n"}, "tooth/t.cpp:1", "openvdb")
-        self.expect({"lib/toothprep/tooth/t.h": "#include <CLI/CLI.hpp>\n"}, "CLI/CLI.hpp")
+    def test_a_tool_needs_the_proof(self):
+        found = self.breaches({"lib/toothprep/tools/live/CMakeLists.txt":
+                               "toothprep_module(live SOURCES l.cpp MODULES specimen)\n"})
+        self.assertIn("live: belongs to the ring 'tools' but needs 'specimen' of the ring 'proof'", found)
+
+    def test_a_folder_beside_the_rings(self):
+        self.expect({"lib/toothprep/misc/a.h": ""}, "lib/toothprep/misc", "none of the rings")
+
+    def test_heavy_header_outside_its_module(self):
+        self.expect({"lib/toothprep/step/tooth/t.cpp": "#include <openvdb/openvdb.h>\n"},
+                    "tooth/t.cpp:1", "openvdb")
+        self.expect({"lib/toothprep/step/tooth/t.h": "#include <CLI/CLI.hpp>\n"}, "CLI/CLI.hpp")
         self.expect({"apps/toothprep/info.cpp": '#include "itkImage.h"\n'}, "itkImage.h")
-        self.expect({"tests/toothfile/test_g.cpp": "#include <hdf5.h>\n"}, "hdf5.h")
+        self.expect({"tests/step/tooth/test_g.cpp": "#include <hdf5.h>\n"}, "hdf5.h")
 
     def test_missing_readme(self):
-        self.expect({"lib/toothprep/tooth/README.md": None}, "no README.md")
+        self.expect({"lib/toothprep/step/tooth/README.md": None}, "no README.md")
 
     def test_source_that_is_not_built(self):
-        self.expect({"lib/toothprep/tooth/forgotten.cpp": ""}, "forgotten.cpp", "SOURCES")
+        self.expect({"lib/toothprep/step/tooth/forgotten.cpp": ""}, "forgotten.cpp", "SOURCES")
 
-    def test_room_under_another_name(self):
-        found = self.breaches({"lib/toothprep/tooth/CMakeLists.txt": "toothprep_room(teeth SOURCES t.cpp)\n"})
+    def test_module_under_another_name(self):
+        found = self.breaches({"lib/toothprep/step/tooth/CMakeLists.txt":
+                               "toothprep_module(teeth SOURCES t.cpp)\n"})
         self.assertTrue(any("instead of tooth" in b for b in found), found)
 
     def test_large_file(self):

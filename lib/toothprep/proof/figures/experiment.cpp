@@ -1,0 +1,199 @@
+#include "toothprep/proof/figures/experiment.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "toothprep/step/core/strict_toml.h"
+
+namespace toothprep::figures {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::vector<std::pair<std::string, Kind>> kKinds = {
+    {"plateaus", Kind::kPlateaus},
+    {"proportional-to-speed", Kind::kProportionalToSpeed},
+    {"proportional-to-area", Kind::kProportionalToArea},
+    {"stall", Kind::kStall},
+    {"closed-loop", Kind::kClosedLoop},
+    {"preparations", Kind::kPreparations},
+    {"literal", Kind::kLiteral},
+    {"droop", Kind::kDroop}};
+
+std::string beside(const std::string& folder, const std::string& file) {
+  return (fs::path(folder) / file).lexically_normal().string();  // an absolute file stays
+}
+
+bool is_plain_name(const std::string& name) {
+  return !name.empty() && name.size() <= 60 && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+           c == '_';
+  });
+}
+
+// The keys that a run may have, over what stands at the top.
+void read_run(StrictTable& table, const std::string& folder, Run& run) {
+  if (const auto x = table.choice("drive", {"coupled", "direct"}))
+    run.drive = *x == "direct" ? Drive::kDirect : Drive::kCoupled;
+  if (const auto x = table.text("bur")) run.bur = *x;
+  if (const auto x = table.text("trajectory")) run.trajectory = beside(folder, *x);
+  if (const auto x = table.text("params")) run.params = beside(folder, *x);
+  if (const auto x = table.text("literal")) run.literal = beside(folder, *x);
+  if (const auto x = table.text("after")) run.after = *x;
+}
+
+void require_complete(const StrictTable& table, const Run& run, Kind kind) {
+  if (run.bur.empty()) table.missing("bur", "\"cylinder:D1.2xL3.0\"");
+  if (run.trajectory.empty()) table.missing("trajectory", "\"path.toml\"");
+  if (kind == Kind::kLiteral && run.literal.empty()) table.missing("literal", "\"literal.toml\"");
+}
+
+std::vector<double> positive(StrictTable& table, const std::string& key, double unit) {
+  std::vector<double> values = table.numbers(key).value_or(std::vector<double>{});
+  if (values.empty()) table.missing(key, "[1.0, 10.0]");
+  for (double& v : values) {
+    if (!(v > 0)) table.refuse(key, "must be positive");
+    v *= unit;
+  }
+  return values;
+}
+
+}  // namespace
+
+Experiment read_experiment(const std::string& folder) {
+  const std::string file = (fs::path(folder) / "experiment.toml").string();
+  const toml::table document = parse_toml(read_small_text(file), file);
+  StrictTable root(document, file);
+  Experiment e;
+  e.name = fs::path(folder).lexically_normal().filename().string();
+  if (!is_plain_name(e.name))
+    throw InputError(folder, "", "the folder's name must be letters, digits and hyphens");
+  e.title = root.text("title").value_or(e.name);
+
+  std::vector<std::string> kinds;
+  for (const auto& [name, kind] : kKinds) kinds.push_back(name);
+  const auto kind = root.choice("kind", kinds);
+  if (!kind) root.missing("kind", "\"plateaus\"");
+  for (const auto& [name, value] : kKinds)
+    if (name == *kind) e.kind = value;
+
+  e.molar = root.choice("specimen", {"block", "molar"}).value_or("block") == "molar";
+  if (auto block = root.table("block")) {
+    if (e.molar) root.refuse("block", "stands beside specimen = \"molar\"");
+    if (const auto x = block->vector("size_mm")) e.block.size = *x;
+    if (const auto x = block->number("enamel_mm")) e.block.enamel = *x;
+    block->done();
+  }
+  constexpr double kPerMetre = 1e-3;  // N·s/m and N/m to N·s/mm and N/mm
+  if (auto device = root.table("device")) {
+    if (const auto x = device->number("apparent_mass_g"))
+      e.device.apparent_mass = units::from_gram(*x);
+    if (const auto x = device->number("damping_n_s_per_m")) e.device.damping = *x * kPerMetre;
+    if (const auto x = device->number("friction_n")) e.device.friction = *x;
+    if (const auto x = device->number("encoder_count_mm")) e.device.encoder_count = *x;
+    if (const auto x = device->number("force_limit_n")) e.device.force_limit = *x;
+    if (const auto x = device->integer("delay_ticks"))
+      e.device.delay_ticks = static_cast<int>(std::clamp<std::int64_t>(*x, -1, 1000));
+    device->done();
+  }
+  if (auto hand = root.table("hand")) {
+    if (const auto x = hand->number("mass_g")) e.hand.mass = units::from_gram(*x);
+    if (const auto x = hand->number("stiffness_n_per_m")) e.hand.stiffness = *x * kPerMetre;
+    if (const auto x = hand->number("damping_n_s_per_m")) e.hand.damping = *x * kPerMetre;
+    hand->done();
+  }
+  try {
+    validate(e.device);
+    validate(e.hand);
+  } catch (const InputError&) {
+    throw;
+  } catch (const Error& error) {
+    throw InputError(file, "", error.what());
+  }
+  if (auto map = root.table("map")) {
+    e.map.dampings = positive(*map, "dampings_n_s_per_m", kPerMetre);
+    e.map.masses = positive(*map, "apparent_masses_g", units::from_gram(1));
+    e.map.stiffnesses = positive(*map, "stiffnesses_n_per_mm", 1);
+    map->done();
+  } else if (e.kind == Kind::kClosedLoop) {
+    root.missing("map", "... a table [map]");
+  }
+
+  Run top;
+  top.name = "run";
+  top.title = e.title;
+  read_run(root, folder, top);
+  if (auto tables = root.tables("run")) {
+    for (StrictTable& table : *tables) {
+      Run run = top;
+      const auto name = table.text("name");
+      if (!name) table.missing("name", "\"first\"");
+      if (!is_plain_name(*name))
+        table.refuse("name", "must be letters, digits and hyphens: it names files");
+      run.name = *name;
+      run.title = table.text("title").value_or(run.name);
+      read_run(table, folder, run);
+      const auto named = [&](const std::string& other) {
+        return std::any_of(e.runs.begin(), e.runs.end(),
+                           [&](const Run& r) { return r.name == other; });
+      };
+      if (named(run.name)) table.refuse("name", "\"" + run.name + "\" stands twice");
+      if (!run.after.empty() && !named(run.after))
+        table.refuse("after", "\"" + run.after + "\" is no earlier run");
+      require_complete(table, run, e.kind);
+      table.done();
+      e.runs.push_back(run);
+    }
+  }
+  if (e.runs.empty()) {
+    require_complete(root, top, e.kind);
+    e.runs.push_back(top);
+  }
+  root.done();
+  return e;
+}
+
+std::vector<std::string> find_experiments(const std::string& folder,
+                                          const std::vector<std::string>& only) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error))
+    if (fs::exists(entry.path() / "experiment.toml"))
+      names.push_back(entry.path().filename().string());
+  if (error) throw InputError(folder, "", "cannot be read as a folder of experiments");
+  std::sort(names.begin(), names.end());
+  if (names.empty())
+    throw InputError(folder, "", "holds no folder with an experiment.toml",
+                     "give the folder that holds the experiments' folders");
+  const auto matches = [](const std::string& name, const std::string& choice) {
+    if (name == choice) return true;
+    // "9" is the number of figure-09.
+    if (choice.empty() || choice.find_first_not_of("0123456789") != std::string::npos) return false;
+    const std::size_t digits = name.find_first_of("0123456789");
+    if (digits == std::string::npos || name.rfind("figure-", 0) != 0) return false;
+    const std::size_t value = name.find_first_not_of('0', digits);
+    return value != std::string::npos && name.substr(value) == choice;
+  };
+  std::vector<std::string> chosen;
+  for (const std::string& name : names)
+    if (only.empty() || std::any_of(only.begin(), only.end(),
+                                    [&](const std::string& o) { return matches(name, o); }))
+      chosen.push_back((fs::path(folder) / name).string());
+  for (const std::string& o : only)
+    if (std::none_of(names.begin(), names.end(),
+                     [&](const std::string& name) { return matches(name, o); })) {
+      std::string list;
+      for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+      throw Error("no experiment is named \"" + o + "\" (there are: " + list + ")");
+    }
+  return chosen;
+}
+
+Parameters parameters_of(const Run& run, const Parameters& base, bool literal) {
+  Parameters p = base;
+  if (!run.params.empty()) p = read_parameters(run.params, p);
+  if (literal) p = read_parameters(run.literal, p);
+  return p;
+}
+
+}  // namespace toothprep::figures

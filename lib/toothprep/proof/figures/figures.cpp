@@ -1,0 +1,109 @@
+#include "toothprep/proof/figures/figures.h"
+
+#include <cmath>
+
+#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep::figures {
+namespace {
+
+FigureReport run_experiment(const Experiment& experiment, Workshop& workshop) {
+  switch (experiment.kind) {
+    case Kind::kPlateaus:
+    case Kind::kProportionalToSpeed:
+    case Kind::kProportionalToArea:
+      return feed_figure(experiment, workshop);
+    case Kind::kStall:
+      return stall_figure(experiment, workshop);
+    case Kind::kClosedLoop:
+      return closed_loop_figure(experiment, workshop);
+    case Kind::kPreparations:
+      return preparation_figure(experiment, workshop);
+    case Kind::kLiteral:
+      return literal_figure(experiment, workshop);
+    case Kind::kDroop:
+      return droop_figure(experiment, workshop);
+  }
+  return {};
+}
+
+// What can be known to be wrong before anything runs.
+void check(const Experiment& experiment, const FigureOptions& options) {
+  const bool exact = experiment.kind == Kind::kPlateaus || experiment.kind == Kind::kStall ||
+                     experiment.kind == Kind::kProportionalToSpeed ||
+                     experiment.kind == Kind::kProportionalToArea;
+  for (const Run& run : experiment.runs) {
+    const Parameters p = parameters_of(run, options.base, !run.literal.empty());
+    path_of(run, p);
+    make_bur(run.bur, options.bur_library);
+    if (exact && p.handpiece.model == HandpieceModel::kDroop &&
+        std::isfinite(p.handpiece.stall_torque))
+      throw Error(experiment.name +
+                  ": its exact answer knows a fixed rotation rate only; give [handpiece] model = "
+                  "\"fixed\" in --params, or leave it out with --only");
+  }
+}
+
+const RunReport* find_run(const std::vector<FigureReport>& figures, const std::string& name,
+                          const std::string& engine, double voxel) {
+  for (const FigureReport& f : figures)
+    if (f.name == name)
+      for (const RunReport& r : f.runs)
+        if (r.engine == engine && r.voxel_mm == voxel && r.has_plateau) return &r;
+  return nullptr;
+}
+
+// What the coupling does to the voxel effect: figure 13 beside figure 9.
+void compare_coupled_with_direct(std::vector<FigureReport>& figures, double voxel) {
+  for (const char* engine : {"levelset", "voxel"}) {
+    const RunReport* direct = find_run(figures, "figure-09", engine, voxel);
+    const RunReport* coupled = find_run(figures, "figure-13", engine, voxel);
+    if (!direct || !coupled) continue;
+    for (FigureReport& f : figures) {
+      if (f.name != "figure-13") continue;
+      const std::string claim = "The coupling takes the voxel effect away";
+      // The voxel engine's plateaus are flat but for rounding: its effect is steps where it enters
+      // and crosses.
+      if (direct->voxel_effect_above_2_hz_percent > 1e-3)
+        f.claims.push_back(bound(claim, engine,
+                                 "ripple on the plateaus above 2 Hz, of that in direct drive", "%",
+                                 "the paper", 10,
+                                 100 * coupled->voxel_effect_above_2_hz_percent /
+                                     direct->voxel_effect_above_2_hz_percent));
+      f.claims.push_back(
+          bound(claim, engine, "largest deviation on the way, of that in direct drive", "%",
+                "the paper", 50, 100 * coupled->force_max_percent / direct->force_max_percent));
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<FigureReport> run_figures(const FigureOptions& options) {
+  std::vector<Experiment> experiments;
+  int replays = 0;
+  for (const std::string& folder : options.experiments) {
+    experiments.push_back(read_experiment(folder));
+    check(experiments.back(), options);
+    replays += replays_of(experiments.back(), options);
+  }
+  Workshop workshop(options, replays);
+  std::vector<FigureReport> figures;
+  for (const Experiment& experiment : experiments) {
+    FigureReport report = run_experiment(experiment, workshop);
+    report.name = experiment.name;
+    report.title = experiment.title;
+    figures.push_back(std::move(report));
+  }
+  compare_coupled_with_direct(figures, options.voxel);
+  std::string engines;
+  for (const EngineKind engine : options.engines)
+    engines += (engines.empty() ? "" : ", ") + std::string(name_of(engine));
+  write_report({options.version, to_toml(options.base), options.voxel, engines}, figures,
+               options.output);
+  return figures;
+}
+
+}  // namespace toothprep::figures

@@ -1,0 +1,220 @@
+#include "toothprep/proof/figures/report.h"
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/tissue.h"
+
+namespace toothprep::figures {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json number(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
+
+std::string text(double x, const char* format = "%.4g") {
+  if (!std::isfinite(x)) return "–";
+  std::array<char, 40> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), format, x);
+  return buffer.data();
+}
+
+Json json_of(const Claim& c) {
+  Json j;
+  j["claim"] = c.claim;
+  j["engine"] = c.engine;
+  j["quantity"] = c.quantity;
+  j["unit"] = c.unit;
+  j["expected_from"] = c.from;
+  j["expected"] = number(c.expected);
+  j["measured"] = number(c.measured);
+  j["error"] = number(c.error);
+  j["error_unit"] = c.error_unit;
+  j["tolerance"] = number(c.tolerance);
+  j["holds"] = c.holds;
+  return j;
+}
+
+Json json_of(const RunReport& r) {
+  Json j;
+  j["run"] = r.run;
+  j["engine"] = r.engine;
+  j["drive"] = r.drive;
+  j["voxel_mm"] = r.voxel_mm;
+  j["trace"] = r.trace;
+  j["exact"] = r.exact;
+  if (r.compared) {
+    j["force_rms_deviation_percent"] = r.force_rms_percent;
+    j["force_max_deviation_percent"] = r.force_max_percent;
+    j["torque_rms_deviation_percent"] = r.torque_rms_percent;
+    j["torque_max_deviation_percent"] = r.torque_max_percent;
+  }
+  if (r.has_plateau) {
+    j["voxel_effect_percent"] = r.voxel_effect_percent;
+    j["voxel_effect_above_2_hz_percent"] = r.voxel_effect_above_2_hz_percent;
+  }
+  j["energy_ratio"] = number(r.energy_ratio);
+  j["peak_force_n"] = r.peak_force_n;
+  j["largest_lag_mm"] = r.largest_lag_mm;
+  j["stalled_steps"] = r.stalled_steps;
+  j["stall_onsets"] = r.stall_onsets;
+  j["shank_contact_steps"] = r.shank_contact_steps;
+  for (std::size_t k = 0; k < r.removed_mm3.size(); ++k)
+    j["removed_mm3"][std::string(kTissueNames[k])] = r.removed_mm3[k];
+  j["seconds_simulated"] = r.seconds_simulated;
+  return j;
+}
+
+Json json_of(const Plot& p) {
+  Json j;
+  j["file"] = p.file;
+  j["title"] = p.title;
+  j["tissues"] = p.tissues;
+  j["stalled"] = p.stalled;
+  j["from_s"] = p.from_s;
+  j["to_s"] = p.to_s;
+  for (const Panel& panel : p.panels) {
+    Json q;
+    q["label"] = panel.label;
+    for (const Curve& c : panel.curves)
+      q["curves"].push_back({{"label", c.label},
+                             {"file", c.file},
+                             {"column", c.column},
+                             {"style", c.style},
+                             {"scale", c.scale}});
+    j["panels"].push_back(q);
+  }
+  return j;
+}
+
+Json json_of(const MapPlot& m) {
+  Json j;
+  j["file"] = m.file;
+  j["title"] = m.title;
+  j["x_label"] = m.x_label;
+  j["y_label"] = m.y_label;
+  j["value_label"] = m.value_label;
+  j["x"] = m.x;
+  j["y"] = m.y;
+  j["values"] = m.values;
+  j["verdicts"] = m.verdicts;
+  j["lines"] = Json::array();
+  for (const MapPlot::Line& line : m.lines)
+    j["lines"].push_back({{"label", line.label}, {"x", line.x}, {"y", line.y}});
+  return j;
+}
+
+void write_text(const std::string& path, const std::string& content) {
+  std::ofstream out(path, std::ios::binary);
+  out << content;
+  out.close();
+  if (!out) throw Error(path + ": cannot be written; is the disk full?");
+}
+
+std::string markdown(const ReportHeader& header, const std::vector<FigureReport>& figures) {
+  std::size_t claims = 0, holding = 0;
+  for (const FigureReport& f : figures)
+    for (const Claim& c : f.claims) {
+      ++claims;
+      holding += c.holds;
+    }
+  std::string md = "# The paper's experiments\n\ntoothprep " + header.version + ", voxels of " +
+                   text(header.voxel_mm) + " mm, engines: " + header.engines + ". " +
+                   std::to_string(holding) + " of " + std::to_string(claims) +
+                   " claims hold. Deviations are in percent of the plateau's force.\n";
+  for (const FigureReport& f : figures) {
+    md += "\n## " + f.title + "\n\n";
+    for (const Plot& p : f.plots) md += "![" + p.title + "](" + p.file + ".png)\n";
+    for (const MapPlot& m : f.maps) md += "![" + m.title + "](" + m.file + ".png)\n";
+    for (const Picture& p : f.pictures) md += "![" + f.title + "](" + p.file + ")\n";
+    md +=
+        "\n| claim | engine | quantity | expected | from | measured | error | allowed | |\n"
+        "|---|---|---|---|---|---|---|---|---|\n";
+    for (const Claim& c : f.claims)
+      md += "| " + c.claim + " | " + c.engine + " | " + c.quantity + " | " + text(c.expected) +
+            " " + c.unit + " | " + c.from + " | " + text(c.measured) + " " + c.unit + " | " +
+            text(c.error, "%.3g") + " " + c.error_unit + " | " + text(c.tolerance, "%.3g") + " " +
+            c.error_unit + " | " + (c.holds ? "holds" : "**does not hold**") + " |\n";
+    if (f.runs.empty()) continue;
+    md +=
+        "\n| run | engine | drive | voxel mm | force RMS % | force max % | torque RMS % | torque "
+        "max % | voxel effect % | above 2 Hz % | energy ratio | peak N | lag mm | stalls |\n"
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
+    for (const RunReport& r : f.runs) {
+      const double none = std::nan("");
+      const auto compared = [&](double x) { return text(r.compared ? x : none, "%.3f"); };
+      const auto plateau = [&](double x) { return text(r.has_plateau ? x : none, "%.3f"); };
+      md += "| " + r.run + " | " + r.engine + " | " + r.drive + " | " + text(r.voxel_mm) + " | " +
+            compared(r.force_rms_percent) + " | " + compared(r.force_max_percent) + " | " +
+            compared(r.torque_rms_percent) + " | " + compared(r.torque_max_percent) + " | " +
+            plateau(r.voxel_effect_percent) + " | " + plateau(r.voxel_effect_above_2_hz_percent) +
+            " | " + text(r.energy_ratio) + " | " + text(r.peak_force_n) + " | " +
+            text(r.largest_lag_mm) + " | " + std::to_string(r.stall_onsets) + " |\n";
+    }
+  }
+  return md;
+}
+
+}  // namespace
+
+Claim near(const std::string& claim, const std::string& engine, const std::string& quantity,
+           const std::string& unit, const std::string& from, double expected, double measured,
+           double tolerance_percent, double scale) {
+  Claim c{claim, engine, quantity, unit, from, expected, measured};
+  c.error = 100 * std::abs(measured - expected) / (scale > 0 ? scale : std::abs(expected));
+  c.tolerance = tolerance_percent;
+  c.holds = c.error <= tolerance_percent;
+  return c;
+}
+
+Claim bound(const std::string& claim, const std::string& engine, const std::string& quantity,
+            const std::string& unit, const std::string& from, double expected, double measured,
+            bool at_least) {
+  Claim c{claim,    engine,  (at_least ? "at least: " : "at most: ") + quantity, unit, from,
+          expected, measured};
+  c.error_unit = unit;
+  c.error = std::max(0.0, at_least ? expected - measured : measured - expected);
+  c.holds = at_least ? measured >= expected : measured <= expected;
+  return c;
+}
+
+void write_report(const ReportHeader& header, const std::vector<FigureReport>& figures,
+                  const std::string& folder) {
+  Json j;
+  j["schema"] = "toothprep-figures";
+  j["schema_version"] = 1;
+  j["toothprep_version"] = header.version;
+  j["voxel_mm"] = header.voxel_mm;
+  j["engines"] = header.engines;
+  j["parameters"] = header.parameters_toml;
+  j["figures"] = Json::array();
+  for (const FigureReport& f : figures) {
+    Json g;
+    g["name"] = f.name;
+    g["title"] = f.title;
+    g["claims"] = Json::array();
+    for (const Claim& c : f.claims) g["claims"].push_back(json_of(c));
+    g["runs"] = Json::array();
+    for (const RunReport& r : f.runs) g["runs"].push_back(json_of(r));
+    g["plots"] = Json::array();
+    for (const Plot& p : f.plots) g["plots"].push_back(json_of(p));
+    g["maps"] = Json::array();
+    for (const MapPlot& m : f.maps) g["maps"].push_back(json_of(m));
+    g["pictures"] = Json::array();
+    for (const Picture& p : f.pictures)
+      g["pictures"].push_back({{"file", p.file},
+                               {"mesh", p.mesh},
+                               {"compare", p.compare},
+                               {"view", p.view},
+                               {"occlusal", p.occlusal}});
+    j["figures"].push_back(g);
+  }
+  write_text(folder + "/figures.json", j.dump(2) + "\n");
+  write_text(folder + "/figures.md", markdown(header, figures));
+}
+
+}  // namespace toothprep::figures

@@ -1,0 +1,69 @@
+// What the experiments share while they run: options, progress, and how their files are written.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "toothprep/proof/figures/figures.h"
+#include "toothprep/proof/figures/outcome.h"
+#include "toothprep/tools/mesh/surface.h"
+
+namespace toothprep::figures {
+
+class Workshop {
+ public:
+  Workshop(const FigureOptions& options, int replays) : options_(options), replays_(replays) {}
+
+  const FigureOptions& options() const { return options_; }
+
+  // Runs the jobs in parallel, and reports each when it is done.
+  struct Job {
+    std::string what;
+    std::function<void()> work;
+    int replays = 1;
+  };
+  void run(const std::vector<Job>& jobs);
+
+  // Files of an experiment: FOLDER/NAME in the output; the relative path is returned.
+  std::string write_trace(const Experiment& experiment, const std::string& name, const Run& run,
+                          const Outcome& outcome) const;
+  std::string write_exact(const Experiment& experiment, const std::string& name,
+                          const std::vector<HandleSample>& path, const Exact& exact) const;
+  std::string write_series(const Experiment& experiment, const std::string& name,
+                           const std::vector<std::string>& columns,
+                           const std::vector<std::vector<double>>& values) const;
+  std::string write_surface(const Experiment& experiment, const std::string& name,
+                            const LayeredTooth& tooth) const;
+
+  std::string write_layers(const Experiment& experiment, const std::string& name,
+                           const LayeredTooth& tooth) const;
+
+ private:
+  std::string place(const Experiment& experiment, const std::string& file) const;
+
+  const FigureOptions& options_;
+  int replays_, done_ = 0;
+  std::mutex mutex_;
+};
+
+const char* name_of(EngineKind engine);
+const char* name_of(Drive drive);
+// The figures of a replay; those of a comparison too if `exact` is given.
+RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const Exact* exact);
+
+// Three panels over time: F_x, F_y and T_z.
+std::vector<Panel> force_panels(const std::vector<Curve>& files, const std::string& exact);
+
+// The kinds of experiment. Each says how many replays it takes and runs them.
+int replays_of(const Experiment& experiment, const FigureOptions& options);
+FigureReport feed_figure(const Experiment& experiment, Workshop& workshop);
+FigureReport stall_figure(const Experiment& experiment, Workshop& workshop);
+FigureReport closed_loop_figure(const Experiment& experiment, Workshop& workshop);
+FigureReport preparation_figure(const Experiment& experiment, Workshop& workshop);
+FigureReport literal_figure(const Experiment& experiment, Workshop& workshop);
+FigureReport droop_figure(const Experiment& experiment, Workshop& workshop);
+
+}  // namespace toothprep::figures

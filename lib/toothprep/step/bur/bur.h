@@ -1,0 +1,98 @@
+// The bur: a solid of revolution about its own +z (tip at the origin, shank up), its exact distance
+// function and its surface cut into elements.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/bur/profile.h"
+#include "toothprep/step/core/geometry.h"
+
+namespace toothprep {
+
+// The cut surface of the bur, one entry per element, all in B. Structure of arrays, rings from tip
+// to shank, each ring in order of the angle, so that neighbours in memory are neighbours in space.
+//
+//   position x  mm        centre of the element, on the surface
+//   normal n    unit      n_n: outward
+//   tangent t   unit      n_t: opposite to the surface velocity; +phi^ for a clockwise bur (Eq. 7),
+//                         (0, 0, 0) never occurs: elements on the axis do not exist
+//   weight      mm        dphi·dl = ds/r: the factor of Eqs 8 and 14, finite at the axis
+//   area        mm²       ds
+//   radius      mm        distance from the axis
+//   half_along  mm        half the extent along the profile; half_around: half the extent r·dphi
+//   curvature_along, curvature_around   1/mm, principal curvatures, positive where convex
+struct SurfaceElements {
+  std::vector<float> x, y, z, nx, ny, nz, tx, ty;  // tz = 0
+  std::vector<float> weight, area, radius, half_along, half_around;
+  // Along-profile unit tangent, tip to shank: n x phi^; kept for the coverage of partly engaged
+  // elements.
+  std::vector<float> lx, ly, lz;
+  std::vector<float> curvature_along, curvature_around;
+  std::size_t size() const { return x.size(); }
+};
+
+// The outline laid out for the distance kernels (bur_distance.cpp), in double and in float.
+template <class T>
+struct DistanceOutline {
+  struct Line {  // oriented upwards: `left of it` is where the crossing test counts
+    T mid_r, mid_z, u_r, u_z, half_length, z_low, z_high;
+  };
+  struct Arc {  // within the right or the left half of its circle, hence monotone in z
+    T mid_r, mid_z, out_r, out_z, curvature;   // middle, unit direction from the centre, 1 / radius
+    T from_r, from_z, from_out_r, from_out_z;  // ends, counter-clockwise, and their unit directions
+    T to_r, to_z, to_out_r, to_out_z;
+    T centre_r, centre_z, z_low, z_high;
+  };
+  struct Point {
+    T r, z;
+  };
+  std::vector<Line> lines;
+  std::vector<Arc> right_arcs, left_arcs;
+  std::vector<Point> points;  // joints that no line ends in
+};
+
+class Bur {
+ public:
+  // Pieces joined end to end from (0, 0) to (0, z_top), closing the head. Throws Error naming the
+  // violated condition (gap, r < 0, not closed, self-crossing, not finite, radius above 10 mm ...).
+  // shank_radius 0: no shank; else shank_top must lie above the head.
+  Bur(std::string name, std::vector<ProfilePiece> head, double shank_radius, double shank_top);
+
+  const std::string& name() const { return name_; }
+  const std::vector<ProfilePiece>& profile() const { return head_; }
+  double head_length() const { return head_length_; }    // largest z of the head, mm
+  double max_radius() const { return max_radius_; }      // largest r of the head, mm
+  double shank_radius() const { return shank_radius_; }  // 0: no shank
+  double shank_top() const { return shank_top_; }        // z where the shank ends, mm
+
+  // Exact signed distance to the head's surface (closing disc included), mm, negative inside. r >=
+  // 0.
+  double distance(double r, double z) const noexcept;
+  // The same for n points, written for the compiler's vectoriser: the step's removal calls it for
+  // rows of voxels. Within float rounding of distance(). The value of a point doesn't depend on its
+  // neighbours.
+  void distances(const float* r, const float* z, float* out, int n) const noexcept;
+
+  double head_volume() const;    // mm³, exact
+  double grinding_area() const;  // mm², exact (pieces with grinds)
+
+  // Elements of at most `size` mm along and around, of the grinding surface; the shank's surface in
+  // shank_elements (a plain cylinder from the head's end to shank_top, for contact reporting only).
+  // A ring has a multiple of four elements, at least eight, so that a quarter turn maps the set
+  // onto itself to the last bit; successive rings are staggered. `clockwise` (seen from the shank)
+  // sets the sign of the tangent. Throws Error if `size` is not within 1e-4 .. 10 mm or would need
+  // more than 20 million elements.
+  SurfaceElements elements(double size, bool clockwise = true) const;
+  SurfaceElements shank_elements(double size) const;
+
+ private:
+  std::string name_;
+  std::vector<ProfilePiece> head_;
+  double shank_radius_, shank_top_, head_length_ = 0, max_radius_ = 0;
+  DistanceOutline<double> exact_;
+  DistanceOutline<float> fast_;
+};
+
+}  // namespace toothprep

@@ -1,0 +1,122 @@
+// Signed distance to the bur: the smallest distance to any piece of the outline, and the sign from
+// a crossing test.
+//
+// Sign. A point is inside if a ray from it towards +r crosses the outline an odd number of times.
+// Every piece is monotone in z and counts for z_low <= z < z_high; neighbours share that bound to
+// the last bit, so exactly one of them counts at a joint. The axis lies behind the ray and is never
+// met, which is why it needs no piece. Rounding can move the outline by an ulp only, where the
+// distance itself is an ulp: the sign cannot fail at corners, as one taken from the nearest piece's
+// normal does.
+//
+// Both precisions run the same formulas. distances() runs them over short blocks with the pieces
+// outside and the points inside, without a branch, so that the compiler vectorises the inner loops
+// (SSE2 at -O3; sqrt needs -fno-math-errno, set for this file in CMakeLists.txt).
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "toothprep/step/bur/bur.h"
+
+namespace toothprep {
+namespace {
+
+// Points per block: all that a row of one brick of voxels needs. Unrolled in full such short loops
+// would no longer be vectorised by GCC.
+constexpr int kBlock = 8;
+#if defined(__GNUC__) && !defined(__clang__)
+#define TOOTHPREP_KEEP_LOOP _Pragma("GCC unroll 1")
+#else
+#define TOOTHPREP_KEEP_LOOP
+#endif
+
+template <int N, class T>
+inline void measure(const typename DistanceOutline<T>::Line& p, const T* r, const T* z, T* squared,
+                    int* inside) {
+  const T mid_r = p.mid_r, mid_z = p.mid_z, u_r = p.u_r, u_z = p.u_z, half = p.half_length;
+  const T low = p.z_low, high = p.z_high;
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const T q_r = r[i] - mid_r, q_z = z[i] - mid_z;
+    const T off = q_r * u_z - q_z * u_r;  // to the right of the line
+    const T past = std::abs(q_r * u_r + q_z * u_z) - half;
+    const T over = past > T(0) ? past : T(0);
+    const T s = off * off + over * over;
+    squared[i] = s < squared[i] ? s : squared[i];
+    inside[i] ^= int(z[i] >= low) & int(z[i] < high) & int(off < T(0));
+  }
+}
+
+// With q from the arc's middle, u outward there, k the curvature and c the place from the centre: w
+// = k q.q + 2 q.u is (|c|^2 - radius^2) k, and the distance from the circle is w / (1 + k |c|). No
+// difference of large numbers, however flat the arc, and no root of a difference near the centre.
+template <int N, bool kRight, class T>
+inline void measure(const typename DistanceOutline<T>::Arc& p, const T* r, const T* z, T* squared,
+                    int* inside) {
+  const typename DistanceOutline<T>::Arc a = p;  // a copy: the outputs can't alias it
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const T q_r = r[i] - a.mid_r, q_z = z[i] - a.mid_z;
+    const T w = a.curvature * (q_r * q_r + q_z * q_z) + T(2) * (q_r * a.out_r + q_z * a.out_z);
+    const T c_r = r[i] - a.centre_r, c_z = z[i] - a.centre_z;
+    const T off = w / (T(1) + a.curvature * std::sqrt(c_r * c_r + c_z * c_z));
+    const T before = a.from_out_r * (z[i] - a.from_z) - a.from_out_z * (r[i] - a.from_r);
+    const T after = (r[i] - a.to_r) * a.to_out_z - (z[i] - a.to_z) * a.to_out_r;
+    const int facing = int(before >= T(0)) & int(after >= T(0));
+    const T s = facing ? off * off : std::numeric_limits<T>::max();
+    squared[i] = s < squared[i] ? s : squared[i];
+    const int far = int(c_r < T(0));
+    const int left = kRight ? far | int(off < T(0)) : far & int(off > T(0));
+    inside[i] ^= int(z[i] >= a.z_low) & int(z[i] < a.z_high) & left;
+  }
+}
+
+template <int N, class T>
+inline void measure(const typename DistanceOutline<T>::Point& p, const T* r, const T* z,
+                    T* squared) {
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const T q_r = r[i] - p.r, q_z = z[i] - p.z, s = q_r * q_r + q_z * q_z;
+    squared[i] = s < squared[i] ? s : squared[i];
+  }
+}
+
+template <int N, class T>
+inline void signed_distances(const DistanceOutline<T>& outline, const T* r, const T* z, T* out) {
+  T squared[N];
+  int inside[N];
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    squared[i] = std::numeric_limits<T>::max();
+    inside[i] = 0;
+  }
+  for (const auto& p : outline.lines) measure<N, T>(p, r, z, squared, inside);
+  for (const auto& p : outline.right_arcs) measure<N, true, T>(p, r, z, squared, inside);
+  for (const auto& p : outline.left_arcs) measure<N, false, T>(p, r, z, squared, inside);
+  for (const auto& p : outline.points) measure<N, T>(p, r, z, squared);
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const T d = std::sqrt(squared[i]);
+    out[i] = inside[i] ? -d : d;
+  }
+}
+
+}  // namespace
+
+double Bur::distance(double r, double z) const noexcept {
+  double d;
+  signed_distances<1>(exact_, &r, &z, &d);
+  return d;
+}
+
+void Bur::distances(const float* r, const float* z, float* out, int n) const noexcept {
+  int i = 0;
+  for (; i + kBlock <= n; i += kBlock) signed_distances<kBlock>(fast_, r + i, z + i, out + i);
+  if (i == n) return;
+  float rest_r[kBlock] = {}, rest_z[kBlock] = {}, rest[kBlock];  // the last block, filled up
+  std::copy(r + i, r + n, rest_r);
+  std::copy(z + i, z + n, rest_z);
+  signed_distances<kBlock>(fast_, rest_r, rest_z, rest);
+  std::copy(rest, rest + (n - i), out + i);
+}
+
+}  // namespace toothprep

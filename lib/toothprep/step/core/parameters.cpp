@@ -1,0 +1,274 @@
+#include "toothprep/step/core/parameters.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "toothprep/step/core/strict_toml.h"
+#include "toothprep/step/core/units.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kLargestTimeStep =
+    0.1;  // s; a haptic step is 1 ms, a tenth of a second is a mistake
+
+// Every key of a parameter file, dotted; used to guess what an unknown key was meant to be.
+std::vector<std::string> all_keys() {
+  std::vector<std::string> keys = {"preset",
+                                   "handpiece.rotation_rate_rev_s",
+                                   "handpiece.stall_torque_mnm",
+                                   "handpiece.pressure_bar",
+                                   "handpiece.stall_coefficient_mnm_per_bar",
+                                   "handpiece.clockwise",
+                                   "handpiece.model",
+                                   "handpiece.stall_judged_on",
+                                   "coupling.stiffness_n_per_mm",
+                                   "coupling.damping_n_s_per_mm",
+                                   "coupling.bur_mass_g",
+                                   "coupling.attached_without_contact",
+                                   "step.time_step_s",
+                                   "step.rotation_feed",
+                                   "engine.kind",
+                                   "engine.trailing_elements"};
+  for (const auto name : kTissueNames)
+    for (const char* key : {".specific_energy_j_per_mm3", ".force_ratio"})
+      keys.push_back("tissue." + std::string(name) + key);
+  return keys;
+}
+
+// The shortest decimal that reads back as the same double, as TOML writes a float.
+std::string toml_number(double value) {
+  if (std::isinf(value)) return value > 0 ? "inf" : "-inf";
+  if (std::isnan(value)) return "nan";
+  std::array<char, 40> buffer{};
+  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  std::string text(buffer.data(), end);
+  if (text.find_first_of(".e") == std::string::npos) text += ".0";
+  return text;
+}
+
+// The x near `guess` for which from(x) == value exactly, if there is one: a conversion rounds, so
+// its inverse may be off by some units in the last place, and some doubles are no conversion of
+// anything.
+template <class From>
+std::optional<double> exact_inverse(double value, double guess, From from) {
+  double up = guess, down = guess;
+  for (int i = 0; i < 4; ++i) {
+    if (from(up) == value) return up;
+    if (from(down) == value) return down;
+    up = std::nextafter(up, std::numeric_limits<double>::infinity());
+    down = std::nextafter(down, -std::numeric_limits<double>::infinity());
+  }
+  return {};
+}
+
+struct Violation {
+  std::string place, condition;
+};
+
+std::optional<Violation> first_violation(const Parameters& p) {
+  const auto got = [](double value) { return ", got " + toml_number(value); };
+  const auto positive = [&](double value, const std::string& place) -> std::optional<Violation> {
+    if (value > 0 && std::isfinite(value)) return {};
+    return Violation{place, "must be positive and finite" + got(value)};
+  };
+  const auto not_negative = [&](double value,
+                                const std::string& place) -> std::optional<Violation> {
+    if (value >= 0 && std::isfinite(value)) return {};
+    return Violation{place, "must be finite and not negative" + got(value)};
+  };
+  if (p.preset != "paper" && p.preset != "physical")
+    return Violation{"preset", "\"" + p.preset + "\" is neither \"paper\" nor \"physical\""};
+  for (int k = 0; k < kTissueCount; ++k) {
+    const std::string place = "tissue." + std::string(kTissueNames[k]);
+    if (auto v = not_negative(p.tissue[k].specific_energy, place + ".specific_energy_j_per_mm3"))
+      return v;
+    if (auto v = positive(p.tissue[k].force_ratio, place + ".force_ratio")) return v;
+  }
+  if (auto v = positive(p.handpiece.rotation_rate, "handpiece.rotation_rate_rev_s")) return v;
+  if (!(p.handpiece.stall_torque > 0))  // infinity is allowed: never stalls
+    return Violation{"handpiece.stall_torque_mnm",
+                     "must be positive (inf: never stalls)" + got(p.handpiece.stall_torque)};
+  if (p.handpiece.stall_rule == StallRule::kLastStep && p.handpiece.model != HandpieceModel::kFixed)
+    return Violation{"handpiece.stall_judged_on",
+                     "\"last_step\" needs model = \"fixed\": the droop model has no torque of its "
+                     "own to judge"};
+  if (p.trailing_elements && p.engine != EngineKind::kVoxel)
+    return Violation{"engine.trailing_elements", "needs kind = \"voxel\""};
+  if (auto v = positive(p.coupling.stiffness, "coupling.stiffness_n_per_mm")) return v;
+  if (auto v = not_negative(p.coupling.damping, "coupling.damping_n_s_per_mm")) return v;
+  if (auto v = positive(p.coupling.bur_mass, "coupling.bur_mass_g")) return v;
+  if (auto v = positive(p.time_step, "step.time_step_s")) return v;
+  if (p.time_step > kLargestTimeStep)
+    return Violation{"step.time_step_s",
+                     "must be at most " + toml_number(kLargestTimeStep) + " s" + got(p.time_step)};
+  return {};
+}
+
+// Reads `key` in the file's unit, or `direct_key` in the internal one. The second exists for values
+// that no number in the file's unit converts to exactly (see to_toml).
+template <class From>
+void read_either(StrictTable& table, const std::string& key, const std::string& direct_key,
+                 From from, double& value) {
+  if (table.has(key) && table.has(direct_key))
+    table.refuse(direct_key, "stands beside " + key, "give one of them");
+  if (const auto x = table.number(key)) value = from(*x);
+  if (const auto x = table.number(direct_key)) value = *x;
+}
+
+void read_handpiece(StrictTable& table, Handpiece& handpiece) {
+  if (const auto x = table.number("rotation_rate_rev_s")) handpiece.rotation_rate = *x;
+  const auto torque = table.number("stall_torque_mnm");
+  const auto pressure = table.number("pressure_bar");
+  const auto coefficient = table.number("stall_coefficient_mnm_per_bar");
+  if (torque && (pressure || coefficient))
+    table.refuse("stall_torque_mnm",
+                 std::string("stands beside ") +
+                     (pressure ? "pressure_bar" : "stall_coefficient_mnm_per_bar"),
+                 "give the stall torque, or pressure_bar and stall_coefficient_mnm_per_bar");
+  if (pressure.has_value() != coefficient.has_value())
+    table.refuse(pressure ? "stall_coefficient_mnm_per_bar" : "pressure_bar",
+                 std::string("is missing beside ") +
+                     (pressure ? "pressure_bar" : "stall_coefficient_mnm_per_bar"),
+                 "the stall torque is their product");
+  for (const auto& [key, value] :
+       {std::pair{"pressure_bar", pressure}, {"stall_coefficient_mnm_per_bar", coefficient}})
+    if (value && !(*value > 0 && std::isfinite(*value)))
+      table.refuse(key, "must be positive and finite, got " + toml_number(*value));
+  if (torque) handpiece.stall_torque = *torque;
+  if (pressure) handpiece.stall_torque = *coefficient * *pressure;  // Eq. 10
+  if (const auto x = table.boolean("clockwise")) handpiece.clockwise = *x;
+  if (const auto x = table.choice("model", {"fixed", "droop"}))
+    handpiece.model = *x == "droop" ? HandpieceModel::kDroop : HandpieceModel::kFixed;
+  if (const auto x = table.choice("stall_judged_on", {"trial", "last_step"}))
+    handpiece.stall_rule = *x == "trial" ? StallRule::kTrial : StallRule::kLastStep;
+}
+
+}  // namespace
+
+Parameters preset_parameters(const std::string& name) {
+  const auto tissue = [](double u_joule_per_mm3) {
+    return GrindingProperties{units::from_joule_per_mm3(u_joule_per_mm3), 0.25};
+  };
+  Parameters p;
+  p.preset = name;
+  if (name == "paper") {
+    p.tissue = {tissue(0.3), tissue(0.1), tissue(0.01), tissue(0.1)};
+  } else if (name == "physical") {
+    // Enamel is what makes the 4 N·s/mm quoted for a 1.2 mm x 3 mm cylinder at 5000 rev/s, dentin a
+    // third of it. Nobody has measured pulp or other: in proportion to `paper`. None is calibrated.
+    p.tissue = {tissue(6.7), tissue(2.2), tissue(0.22), tissue(2.2)};
+    p.handpiece.rotation_rate = 5000;
+    p.handpiece.stall_torque = 1.0;
+    p.handpiece.model = HandpieceModel::kDroop;
+  } else {
+    throw Error("preset \"" + name + "\" is not known; use \"paper\" or \"physical\"");
+  }
+  return p;
+}
+
+void validate(const Parameters& parameters) {
+  if (const auto v = first_violation(parameters)) throw Error(v->place + ": " + v->condition);
+}
+
+Parameters parse_parameters(const std::string& toml, const std::string& where,
+                            const Parameters& base) {
+  const toml::table document = parse_toml(toml, where);
+  const std::vector<std::string> keys = all_keys();
+  StrictTable root(document, where);
+  const auto preset = root.choice("preset", {"paper", "physical"});
+  Parameters p = preset ? preset_parameters(*preset) : base;
+  if (auto tissues = root.table("tissue")) {
+    for (int k = 0; k < kTissueCount; ++k)
+      if (auto tissue = tissues->table(std::string(kTissueNames[k]))) {
+        read_either(*tissue, "specific_energy_j_per_mm3", "specific_energy_n_per_mm2",
+                    units::from_joule_per_mm3, p.tissue[k].specific_energy);
+        if (const auto x = tissue->number("force_ratio")) p.tissue[k].force_ratio = *x;
+        tissue->done(keys);
+      }
+    tissues->done(keys);
+  }
+  if (auto handpiece = root.table("handpiece")) {
+    read_handpiece(*handpiece, p.handpiece);
+    handpiece->done(keys);
+  }
+  if (auto coupling = root.table("coupling")) {
+    if (const auto x = coupling->number("stiffness_n_per_mm")) p.coupling.stiffness = *x;
+    if (const auto x = coupling->number("damping_n_s_per_mm")) p.coupling.damping = *x;
+    read_either(*coupling, "bur_mass_g", "bur_mass_t", units::from_gram, p.coupling.bur_mass);
+    if (const auto x = coupling->boolean("attached_without_contact"))
+      p.coupling.attached_without_contact = *x;
+    coupling->done(keys);
+  }
+  if (auto step = root.table("step")) {
+    if (const auto x = step->number("time_step_s")) p.time_step = *x;
+    if (const auto x = step->boolean("rotation_feed")) p.rotation_feed = *x;
+    step->done(keys);
+  }
+  if (auto engine = root.table("engine")) {
+    if (const auto x = engine->choice("kind", {"levelset", "voxel"}))
+      p.engine = *x == "voxel" ? EngineKind::kVoxel : EngineKind::kLevelset;
+    if (const auto x = engine->boolean("trailing_elements")) p.trailing_elements = *x;
+    engine->done(keys);
+  }
+  root.done(keys);
+  if (const auto v = first_violation(p)) throw InputError(where, v->place, v->condition);
+  return p;
+}
+
+Parameters parse_parameters(const std::string& toml, const std::string& where,
+                            const std::string& default_preset) {
+  return parse_parameters(toml, where, preset_parameters(default_preset));
+}
+
+Parameters read_parameters(const std::string& path, const std::string& default_preset) {
+  return parse_parameters(read_small_text(path), path, default_preset);
+}
+
+Parameters read_parameters(const std::string& path, const Parameters& base) {
+  return parse_parameters(read_small_text(path), path, base);
+}
+
+std::string to_toml(const Parameters& p) {
+  const auto flag = [](bool on) { return std::string(on ? "true" : "false"); };
+  std::string text;
+  if (p.preset == "physical")
+    text +=
+        "# uncalibrated: the specific energies of this preset are estimates, not a calibration\n";
+  text += "preset = \"" + p.preset + "\"\n";
+  for (int k = 0; k < kTissueCount; ++k) {
+    const double u = p.tissue[k].specific_energy;
+    text += "\n[tissue." + std::string(kTissueNames[k]) + "]\n";
+    if (const auto x = exact_inverse(u, units::to_joule_per_mm3(u), units::from_joule_per_mm3))
+      text += "specific_energy_j_per_mm3 = " + toml_number(*x) + "\n";
+    else  // no double in J/mm³ converts to these very bits
+      text += "specific_energy_n_per_mm2 = " + toml_number(u) + "\n";
+    text += "force_ratio = " + toml_number(p.tissue[k].force_ratio) + "\n";
+  }
+  const Handpiece& handpiece = p.handpiece;
+  text += "\n[handpiece]\nrotation_rate_rev_s = " + toml_number(handpiece.rotation_rate) +
+          "\nstall_torque_mnm = " + toml_number(handpiece.stall_torque) +
+          "\nclockwise = " + flag(handpiece.clockwise) + "\nmodel = \"" +
+          (handpiece.model == HandpieceModel::kDroop ? "droop" : "fixed") +
+          "\"\nstall_judged_on = \"" +
+          (handpiece.stall_rule == StallRule::kTrial ? "trial" : "last_step") + "\"\n";
+  text += "\n[coupling]\nstiffness_n_per_mm = " + toml_number(p.coupling.stiffness) +
+          "\ndamping_n_s_per_mm = " + toml_number(p.coupling.damping) + "\n";
+  const double mass = p.coupling.bur_mass;
+  if (const auto x = exact_inverse(mass, units::to_gram(mass), units::from_gram))
+    text += "bur_mass_g = " + toml_number(*x) + "\n";
+  else
+    text += "bur_mass_t = " + toml_number(mass) + "\n";
+  text += "attached_without_contact = " + flag(p.coupling.attached_without_contact) + "\n";
+  text += "\n[step]\ntime_step_s = " + toml_number(p.time_step) +
+          "\nrotation_feed = " + flag(p.rotation_feed) + "\n";
+  text += std::string("\n[engine]\nkind = \"") +
+          (p.engine == EngineKind::kVoxel ? "voxel" : "levelset") +
+          "\"\ntrailing_elements = " + flag(p.trailing_elements) + "\n";
+  return text;
+}
+
+}  // namespace toothprep

@@ -1,0 +1,85 @@
+// The model's parameters, in the toolkit's own units (step/core/units.h). Presets: `paper` (Wu, Wang,
+// Wang and Zhang, "Toward Stable and Realistic Haptic Interaction for Tooth Preparation
+// Simulation") and `physical` (real turbine speed with linear droop; its specific energies are not
+// calibrated).
+#pragma once
+
+#include <string>
+
+#include "toothprep/step/core/tissue.h"
+
+namespace toothprep {
+
+struct GrindingProperties {
+  double specific_energy = 0;  // u, N/mm², >= 0
+  double force_ratio = 0.25;   // alpha = F_t / F_n, > 0
+};
+
+enum class HandpieceModel {
+  kFixed,  // constant rotation rate, Boolean stall (Eq. 11)
+  kDroop   // N = N0 (1 - T / stall_torque)
+};
+
+enum class StallRule {
+  kTrial,    // Eq. 11 on the torque of this step's trial velocity, before moving (default)
+  kLastStep  // section 5.2 read literally: on the torque that the last step ended with
+};
+
+struct Handpiece {
+  double rotation_rate = 100;  // N (N0 for droop), rev/s, > 0
+  double stall_torque = 1.2;   // tau_s, N·mm, > 0; infinity = never stalls
+  bool clockwise = true;       // seen from the shank: omega along -z of B
+  HandpieceModel model = HandpieceModel::kFixed;
+  StallRule stall_rule = StallRule::kTrial;  // kLastStep only with kFixed
+};
+
+struct Coupling {
+  double stiffness = 1.0;  // k_VC, N/mm, > 0
+  double damping = 0.0;    // b, N·s/mm, >= 0
+  double bur_mass = 8e-6;  // m, N·s²/mm, > 0
+  // Section 5.2, step 2, read literally: without contact the bur is put where the handle is.
+  // Otherwise (default) it follows the handle through the same spring.
+  bool attached_without_contact = false;
+};
+
+enum class EngineKind { kLevelset, kVoxel };
+enum class Drive { kCoupled, kDirect };
+
+struct Parameters {
+  std::string preset = "paper";
+  PerTissue<GrindingProperties> tissue{};
+  Handpiece handpiece;
+  Coupling coupling;
+  double time_step = 1e-3;  // h, s, > 0
+  EngineKind engine = EngineKind::kLevelset;
+  bool trailing_elements = false;  // voxel engine: Eq. 8 literally, elements with v·n < 0 pull
+  // On: v(s) = v + omega_H x r(s), so that removal and work agree while the handle turns.
+  // Off: the paper's reading, one velocity for the whole bur.
+  bool rotation_feed = true;
+};
+
+// The preset of that name ("paper" or "physical"); throws Error for another.
+Parameters preset_parameters(const std::string& name);
+
+// Throws Error that names the first violated condition, with the name used in parameter files.
+void validate(const Parameters& parameters);
+
+// Parameters from a TOML file, or from its text (`where` then names it in errors). Absent keys come
+// from the file's own `preset` or, failing that, `default_preset`; an unknown key is an InputError
+// that names the nearest known one. The result is validated.
+Parameters read_parameters(const std::string& path, const std::string& default_preset = "paper");
+Parameters parse_parameters(const std::string& toml, const std::string& where,
+                            const std::string& default_preset = "paper");
+
+// The same over `base` in place of a preset (unless the file names one itself).
+Parameters read_parameters(const std::string& path, const Parameters& base);
+Parameters parse_parameters(const std::string& toml, const std::string& where,
+                            const Parameters& base);
+
+// The complete TOML text that parse_parameters turns into the same parameters, bit for bit. A
+// unit's conversion rounds, and a few values are the conversion of no double: those are written in
+// internal units (keys specific_energy_n_per_mm2, bur_mass_t), which readers take beside the usual
+// keys.
+std::string to_toml(const Parameters& parameters);
+
+}  // namespace toothprep

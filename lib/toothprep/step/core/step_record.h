@@ -1,0 +1,37 @@
+// What one step of a session takes and gives: a row of a trace.
+#pragma once
+
+#include <cstdint>
+
+#include "toothprep/step/core/geometry.h"
+#include "toothprep/step/core/tissue.h"
+
+namespace toothprep {
+
+constexpr std::uint32_t kPedalButton = 1u;  // bit 0: motor on
+
+// A sample of the commanded motion: the handle's pose (of the bur's tip, W frame) at a time.
+struct HandleSample {
+  double time = 0;  // s
+  Pose pose;
+  std::uint32_t buttons = kPedalButton;
+};
+
+// The state after the step that ends at handle.time. Forces in N on the bur, W frame.
+struct StepRecord {
+  HandleSample handle;
+  Pose bur;
+  Vec3 bur_velocity = Vec3::Zero();    // mm/s
+  Vec3 grinding_force = Vec3::Zero();  // N, Eq. 8
+  Vec3 device_force = Vec3::Zero();    // N, what the operator feels
+  double torque = 0;                   // N·mm, Eq. 9
+  double torque_trial = 0;             // N·mm, what the stall was judged on
+  double power = 0;                    // N·mm/s, 2 pi N T_z
+  double rotation_rate = 0;            // rev/s
+  bool stalled = false;
+  PerTissue<double> contact_area{};    // mm², advancing
+  PerTissue<double> removed_volume{};  // mm³, cumulative
+  double shank_contact_area = 0;       // mm², reported only: the shank does not grind
+};
+
+}  // namespace toothprep

@@ -1,0 +1,148 @@
+#include "toothprep/step/grinding/contact_set.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "toothprep/step/core/units.h"
+
+namespace toothprep {
+
+ContactSet::ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>& tissue,
+                       bool trailing)
+    : least_(trailing ? -std::numeric_limits<float>::infinity() : 0) {
+  for (int k = 0; k < kTissueCount; ++k) {
+    const double ct = tissue[k].specific_energy / (2 * units::kPi);
+    ct_[k] = static_cast<float>(ct);
+    cn_[k] = static_cast<float>(ct / tissue[k].force_ratio);
+  }
+  for (auto* array : {&nx_, &ny_, &nz_, &mx_, &my_, &mz_, &qx_, &qy_, &qz_, &torque_})
+    array->resize(capacity);
+  area_.resize(capacity);
+}
+
+void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
+  // Over an element that is curved along the profile the midpoint is exact enough for n n^T and for
+  // r n (their errors cancel over a profile), but not for n_t n: that takes the mean of n.
+  float t = 0, m = 0;
+  for (int k = 0; k < kTissueCount; ++k) {
+    t += share[k] * ct_[k];
+    m += share[k] * cn_[k];
+    area_[count_][k] = share[k] * e.area;
+  }
+  nx_[count_] = e.nx;
+  ny_[count_] = e.ny;
+  nz_[count_] = e.nz;
+  mx_[count_] = e.mx;
+  my_[count_] = e.my;
+  mz_[count_] = e.mz;
+  qx_[count_] = e.weight * (t * e.chord * e.tx - m * e.nx);
+  qy_[count_] = e.weight * (t * e.chord * e.ty - m * e.ny);
+  qz_[count_] = e.weight * (-m * e.nz);
+  torque_[count_] = t * e.weight * e.arm;
+  ++count_;
+}
+
+GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega) const noexcept {
+  const int n = count_;
+  const float least = least_;
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
+  const float *nx = nx_.data(), *ny = ny_.data(), *nz = nz_.data();
+  const float *mx = mx_.data(), *my = my_.data(), *mz = mz_.data();
+  const float *qx = qx_.data(), *qy = qy_.data(), *qz = qz_.data();
+  const float* p = torque_.data();
+  float b00 = 0, b01 = 0, b02 = 0, b10 = 0, b11 = 0, b12 = 0, b20 = 0, b21 = 0, b22 = 0;
+  float t0 = 0, t1 = 0, t2 = 0;
+#pragma omp simd reduction(+ : b00, b01, b02, b10, b11, b12, b20, b21, b22, t0, t1, t2)
+  for (int i = 0; i < n; ++i) {
+    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
+    const bool advances = s > least;
+    const float x = advances ? qx[i] : 0, y = advances ? qy[i] : 0, z = advances ? qz[i] : 0;
+    const float torque = advances ? p[i] : 0;
+    b00 += x * nx[i], b01 += x * ny[i], b02 += x * nz[i];
+    b10 += y * nx[i], b11 += y * ny[i], b12 += y * nz[i];
+    b20 += z * nx[i], b21 += z * ny[i], b22 += z * nz[i];
+    t0 += torque * nx[i], t1 += torque * ny[i], t2 += torque * nz[i];
+  }
+  GrindingResponse r;
+  r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
+  r.b = Vec3(t0, t1, t2);
+  r.set = advancing_set(v, omega);
+  if (omega.squaredNorm() > 0) {
+    float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
+#pragma omp simd reduction(+ : f0, f1, f2, torque0)
+    for (int i = 0; i < n; ++i) {
+      const float turn = mx[i] * ox + my[i] * oy + mz[i] * oz;
+      const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + turn;
+      const float w = s > least ? turn : 0;
+      f0 += w * qx[i], f1 += w * qy[i], f2 += w * qz[i];
+      torque0 += w * p[i];
+    }
+    r.f0 = Vec3(f0, f1, f2);
+    r.t0 = torque0;
+  }
+  return r;
+}
+
+AdvancingSet ContactSet::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
+  const float *nx = nx_.data(), *ny = ny_.data(), *nz = nz_.data();
+  const float *mx = mx_.data(), *my = my_.data(), *mz = mz_.data();
+  std::int32_t count = 0, places = 0;
+  const int n = count_;
+  const float least = least_;
+#pragma omp simd reduction(+ : count, places)
+  for (int i = 0; i < n; ++i) {
+    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
+    count += s > least ? 1 : 0;
+    places += s > least ? i : 0;
+  }
+  return {count, places};
+}
+
+PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  PerTissue<float> sum{};
+  for (int i = 0; i < count_; ++i) {
+    const float s = nx_[i] * vf.x() + ny_[i] * vf.y() + nz_[i] * vf.z() + mx_[i] * of.x() +
+                    my_[i] * of.y() + mz_[i] * of.z();
+    for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? area_[i][k] : 0;
+  }
+  PerTissue<double> area{};
+  for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k];
+  return area;
+}
+
+PerTissue<TissueBasis> ContactSet::basis(const Vec3& v, const Vec3& omega) const noexcept {
+  PerTissue<TissueBasis> sum{};
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  for (int i = 0; i < count_; ++i) {
+    // In single precision, as response() does, so that both take the same elements.
+    const float s = nx_[i] * vf.x() + ny_[i] * vf.y() + nz_[i] * vf.z() + mx_[i] * of.x() +
+                    my_[i] * of.y() + mz_[i] * of.z();
+    if (!(s > least_)) continue;
+    const Vec3 n(nx_[i], ny_[i], nz_[i]), q(qx_[i], qy_[i], qz_[i]);
+    const double advance = n.dot(v) + Vec3(mx_[i], my_[i], mz_[i]).dot(omega);
+    const Vec3 normal = q.dot(n) / n.squaredNorm() * advance * n;
+    const Vec3 tangential = q * advance - normal;
+    double area = 0;
+    for (const float a : area_[i]) area += a;
+    if (!(area > 0)) continue;
+    for (int k = 0; k < kTissueCount; ++k) {
+      const double share = area_[i][k] / area;
+      if (share == 0) continue;
+      sum[k].tangential += share * tangential;
+      sum[k].normal += share * normal;
+      sum[k].torque += share * advance * torque_[i];
+    }
+  }
+  return sum;
+}
+
+bool ContactSet::any_advances(const Vec3& v, const Vec3& omega) const noexcept {
+  const PerTissue<double> area = advancing_area(v, omega);
+  return std::any_of(area.begin(), area.end(), [](double a) { return a > 0; });
+}
+
+}  // namespace toothprep

@@ -1,0 +1,105 @@
+// The elements in contact and their force: what both engines fill and the step reads.
+//
+// The law (the paper's Eqs 6-9 and 14). Each surface element that advances into tissue k takes the
+// power u_k (v·n) ds. With the rim speed 2 pi N r this is a tangential force along n_t, and through
+// alpha_k = F_t / F_n a normal force against n_n; with ds = r dphi dl
+//
+//   dF   = u_k / (2 pi N) · (v·n) · (n_t - n_n / alpha_k) dphi dl          N
+//   dT_z = u_k / (2 pi N) · (v·n) · r dphi dl                             N·mm
+//
+// so that, summed over the advancing elements, F = B v + C omega and T = b·v + c·omega.
+//
+//   symbol      here                         unit        frame
+//   v           feed velocity of the tip     mm/s        B
+//   omega       rotation of the handle       rad/s       B    v(s) = v + omega x r(s)
+//   n_n, n_t    SurfaceElements n, t         1           B
+//   dphi dl     SurfaceElements weight       mm          (= ds / r)
+//   u, alpha    GrindingProperties           N/mm², 1
+//   N           rotation rate                rev/s       responses are for N = 1 rev/s: divide by N
+//   B           GrindingResponse::B                 N·s/mm · rev/s
+//
+// Valid while the bur turns much faster than it feeds, so that the chip thickness doesn't depend on
+// phi.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "toothprep/step/bur/bur.h"
+#include "toothprep/step/core/parameters.h"
+
+namespace toothprep {
+
+// Which elements in contact advance, told by their number and the sum of their places: what changes
+// from one trial velocity to the next are neighbours at the border of the set, and that changes one
+// of the two.
+struct AdvancingSet {
+  std::int32_t count = 0, places = 0;
+  bool operator==(const AdvancingSet&) const = default;
+};
+
+// The linear response of the contact to the feed, for the advancing set of one trial velocity, in
+// B, for N = 1 rev/s: F = (B v + f0) / N, T = (b·v + t0) / N, with f0 and t0 from the handle's
+// rotation.
+struct GrindingResponse {
+  Mat3 B = Mat3::Zero();
+  Vec3 f0 = Vec3::Zero();
+  Vec3 b = Vec3::Zero();
+  double t0 = 0;
+  AdvancingSet set;
+};
+
+// One tissue's part of the force, for N = 1 rev/s, B: what u = 1 N/mm² makes along n_t and
+// u/alpha = 1 N/mm² against n_n. Times u and u/alpha, summed over the tissues, it is B v + f0.
+struct TissueBasis {
+  Vec3 tangential = Vec3::Zero();  // mm²·rev/s
+  Vec3 normal = Vec3::Zero();      // mm²·rev/s
+  double torque = 0;               // mm³·rev/s, for u = 1
+};
+
+class ContactSet {
+ public:
+  // Room for `capacity` elements; u and alpha per tissue (validated by the caller). With
+  // `trailing`, elements that move away from the tissue count like the others, with a negative
+  // share: Eq. 8 taken literally.
+  ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>& tissue, bool trailing);
+
+  // An element by its places in B and its factors.
+  struct Element {
+    float nx, ny, nz;  // n_n
+    float mx, my, mz;  // r x n_n, mm
+    float tx, ty;      // n_t
+    float weight;      // dphi dl, mm
+    float chord;       // mean of n along the element over n at its middle, 1 where it is straight
+    float arm;         // r, mm
+    float area;        // ds, mm²
+  };
+
+  void clear() noexcept { count_ = 0; }
+  // Adds an element of which `share` lies in each tissue (0 .. 1). Never beyond the capacity.
+  void add(const Element& element, const PerTissue<float>& share) noexcept;
+  int size() const { return count_; }
+
+  // The response with the advancing set {v·n + omega·(r x n) > 0}; v in mm/s, omega in rad/s, B.
+  GrindingResponse response(const Vec3& v, const Vec3& omega) const noexcept;
+  AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;
+  // Advancing contact area per tissue, mm².
+  PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;
+  // The force at v and omega split by tissue. Only of a set made with u = alpha = 1 for every
+  // tissue, where an element's share of a tissue is that of its area, and its force splits along
+  // n_n and n_t.
+  PerTissue<TissueBasis> basis(const Vec3& v, const Vec3& omega) const noexcept;
+  // Whether any element in contact advances.
+  bool any_advances(const Vec3& v, const Vec3& omega) const noexcept;
+
+ private:
+  PerTissue<float> ct_{}, cn_{};  // u/(2 pi), u/(2 pi alpha)
+  float least_;  // elements count above this advance: 0, or -infinity with `trailing`
+  int count_ = 0;
+  // One array each: normal, r x n, force per advance (coefficients of n_t and n_n summed), torque
+  // per advance, area per tissue.
+  std::vector<float> nx_, ny_, nz_, mx_, my_, mz_, qx_, qy_, qz_, torque_;
+  std::vector<PerTissue<float>> area_;
+};
+
+}  // namespace toothprep

@@ -1,0 +1,52 @@
+#include "toothprep/step/grinding/engine.h"
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/removal.h"
+#include "toothprep/step/grinding/voxel_engine.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kReachVoxels = 0.1;  // contact is looked for this far ahead of the skin
+
+class LevelsetEngine final : public GrindingEngine {
+ public:
+  LevelsetEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
+                 const Pose& pose, double element_size)
+      : workpiece_(workpiece),
+        contact_(bur, element_size, parameters.handpiece.clockwise, parameters.tissue),
+        removal_(bur, workpiece, pose) {}
+
+  void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept override {
+    contact_.sample(workpiece_, pose, v, omega, kReachVoxels * workpiece_.voxel());
+  }
+  bool covers(const Vec3& v) const noexcept override { return contact_.covers(v); }
+  const ContactSet& contact() const noexcept override { return contact_.contact(); }
+  PerTissue<double> clear(const Pose& pose) override { return removal_.clear(pose); }
+  void advance(const Pose& pose) noexcept override { removal_.advance(pose); }
+  void pause(const Pose& pose) noexcept override { removal_.pause(pose); }
+  void finish(const Pose& pose) noexcept override { removal_.finish(pose); }
+  const PerTissue<double>& removed() const noexcept override { return removal_.removed(); }
+
+ private:
+  Workpiece& workpiece_;
+  ContactModel contact_;
+  Removal removal_;
+};
+
+}  // namespace
+
+std::unique_ptr<GrindingEngine> make_engine(const Bur& bur, Workpiece& workpiece,
+                                            const Parameters& parameters, const Pose& pose,
+                                            double element_size) {
+  if (bur.max_radius() < workpiece.voxel())
+    throw Error("bur " + bur.name() + ": its diameter of " + std::to_string(2 * bur.max_radius()) +
+                " mm is less than two voxels of the tooth (" + std::to_string(workpiece.voxel()) +
+                " mm); voxelize the tooth finer");
+  if (parameters.engine == EngineKind::kVoxel)
+    return std::make_unique<VoxelEngine>(bur, workpiece, parameters, pose);
+  return std::make_unique<LevelsetEngine>(bur, workpiece, parameters, pose, element_size);
+}
+
+}  // namespace toothprep

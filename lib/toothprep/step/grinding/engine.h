@@ -1,0 +1,48 @@
+// The two engines behind one interface: how the bur's surface meets tissue, and how tissue goes.
+//
+//   levelset   the bur's true surface against signed distance fields (contact.h, removal.h)
+//   voxel      the paper's two layers of bur voxels (voxel_engine.h), for its curves and its errors
+#pragma once
+
+#include <memory>
+
+#include "toothprep/step/bur/bur.h"
+#include "toothprep/step/core/parameters.h"
+#include "toothprep/step/grinding/contact_set.h"
+#include "toothprep/step/grinding/workpiece.h"
+
+namespace toothprep {
+
+class GrindingEngine {
+ public:
+  virtual ~GrindingEngine() = default;
+
+  // Contact. Finds the elements in contact for a bur at `pose` that moves with trial velocity v
+  // (mm/s, B) and turns with omega (rad/s, B); not both zero.
+  virtual void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept = 0;
+  // Whether every element that advances with v was considered by the last sample().
+  virtual bool covers(const Vec3& v) const noexcept = 0;
+  // What the last sample() found.
+  virtual const ContactSet& contact() const noexcept = 0;
+
+  // Removal, due every voxel of way (Eq. 20 as a distance).
+  // Removes at once whatever lies inside the bur at `pose`; returns the volume per tissue, mm³.
+  virtual PerTissue<double> clear(const Pose& pose) = 0;
+  // The bur has cut its way to `pose`.
+  virtual void advance(const Pose& pose) noexcept = 0;
+  // From `pose` on the bur moves without cutting (motor off, or stalled in direct drive). What was
+  // due by then is removed when it turns again; what lies on the way in between is not.
+  virtual void pause(const Pose& pose) noexcept = 0;
+  // Removes everything that is due up to `pose`, or up to where it was paused.
+  virtual void finish(const Pose& pose) noexcept = 0;
+  // Removed so far per tissue, mm³ (without clear()).
+  virtual const PerTissue<double>& removed() const noexcept = 0;
+};
+
+// The engine that `parameters` ask for. Keeps references to bur and workpiece. Throws Error if the
+// bur is too thin for it: two voxels across, and for the voxel engine one voxel beneath its skin.
+std::unique_ptr<GrindingEngine> make_engine(const Bur& bur, Workpiece& workpiece,
+                                            const Parameters& parameters, const Pose& pose,
+                                            double element_size);
+
+}  // namespace toothprep

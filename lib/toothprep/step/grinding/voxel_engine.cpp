@@ -1,0 +1,281 @@
+#include "toothprep/step/grinding/voxel_engine.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kSubPoseVoxels = 0.55;    // a fast move is swept in steps of half a voxel
+constexpr double kElementsPerVoxel = 4;    // along each direction, to share the surface out
+constexpr double kSmallestElement = 0.02;  // mm
+constexpr double kRounding = 1e-9;         // a centre exactly one voxel deep is boundary
+
+using Cell = std::array<int, 3>;
+
+Vec3 centre_of(const Cell& c, double pitch) {
+  return pitch * Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5);
+}
+
+double distance_at(const Bur& bur, const Vec3& x) {
+  return bur.distance(std::hypot(x.x(), x.y()), x.z());
+}
+
+// The cells of the head by depth: at most one voxel beneath the skin, and whether any is deeper.
+struct Layers {
+  std::set<Cell> boundary;
+  bool any_interior = false;
+};
+Layers layers_of(const Bur& bur, double pitch) {
+  const int half = static_cast<int>(std::ceil(bur.max_radius() / pitch));
+  const int height = static_cast<int>(std::ceil(bur.head_length() / pitch));
+  Layers layers;
+  for (int i = -half; i < half; ++i)
+    for (int j = -half; j < half; ++j)
+      for (int k = 0; k < height; ++k) {
+        const Cell cell = {i, j, k};
+        const double d = distance_at(bur, centre_of(cell, pitch));
+        if (d >= 0) continue;
+        if (d >= -pitch * (1 + kRounding))
+          layers.boundary.insert(layers.boundary.end(), cell);
+        else
+          layers.any_interior = true;
+      }
+  return layers;
+}
+
+ContactSet::Element element_at(const Vec3& position, const Vec3& normal, const Vec3& tangent,
+                               double weight, double area) {
+  const Vec3 m = position.cross(normal);
+  const auto f = [](double x) { return static_cast<float>(x); };
+  return {f(normal.x()),  f(normal.y()),  f(normal.z()), f(m.x()), f(m.y()),         f(m.z()),
+          f(tangent.x()), f(tangent.y()), f(weight),     1.0f,     f(area / weight), f(area)};
+}
+
+}  // namespace
+
+VoxelEngine::VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
+                         const Pose& pose)
+    : bur_(bur),
+      workpiece_(workpiece),
+      arm_(std::hypot(bur.head_length(), bur.max_radius())),
+      contact_(0, parameters.tissue, parameters.trailing_elements),
+      last_(pose) {
+  share_surface_out(bur, parameters.handpiece.clockwise);
+  contact_ = ContactSet(feelers_.size(), parameters.tissue, parameters.trailing_elements);
+}
+
+// Each small element of the true surface goes to the boundary voxel whose centre is nearest to the
+// point half a voxel beneath it.
+void VoxelEngine::share_surface_out(const Bur& bur, bool clockwise) {
+  struct Part {
+    double weight = 0, area = 0;
+    Vec3 position = Vec3::Zero(), normal = Vec3::Zero(), tangent = Vec3::Zero();
+  };
+  const double pitch = workpiece_.voxel();
+  const Layers layers = layers_of(bur, pitch);
+  if (!layers.any_interior)
+    throw Error("bur " + bur.name() + ": at a voxel of " + std::to_string(pitch) +
+                " mm it has no interior voxel, so that it could never remove anything; voxelize "
+                "the tooth finer");
+  const SurfaceElements e =
+      bur.elements(std::max(pitch / kElementsPerVoxel, kSmallestElement), clockwise);
+  std::map<Cell, Part> parts;  // ordered: the sum in the step has a fixed order
+  for (std::size_t n = 0; n < e.size(); ++n) {
+    const Vec3 position(e.x[n], e.y[n], e.z[n]), normal(e.nx[n], e.ny[n], e.nz[n]);
+    const Vec3 beneath = position - 0.5 * pitch * normal;
+    const Vec3 index = (beneath / pitch).array().floor();
+    Cell best{};
+    double nearest = 1e300;
+    for (int d = 0; d < 125; ++d) {
+      const Cell c = {static_cast<int>(index.x()) + d / 25 - 2,
+                      static_cast<int>(index.y()) + d / 5 % 5 - 2,
+                      static_cast<int>(index.z()) + d % 5 - 2};
+      const double distance = (centre_of(c, pitch) - beneath).squaredNorm();
+      if (distance >= nearest || !layers.boundary.contains(c)) continue;
+      nearest = distance;
+      best = c;
+    }
+    if (nearest == 1e300) continue;  // a feature thinner than a voxel, which this engine can't see
+    Part& part = parts[best];
+    part.weight += e.weight[n];
+    part.area += e.area[n];
+    part.position += e.weight[n] * position;
+    part.normal += e.weight[n] * normal;
+    part.tangent += e.weight[n] * Vec3(e.tx[n], e.ty[n], 0);
+  }
+  for (const auto& [cell, part] : parts) {
+    if (part.normal.norm() < 1e-6 * part.weight || part.tangent.norm() < 1e-6 * part.weight)
+      continue;  // round the axis: opposite directions cancel
+    const Vec3 normal = part.normal.normalized();
+    Vec3 skin = part.position / part.weight;  // a little inside, where the surface is curved
+    skin -= distance_at(bur, skin) * normal;
+    feelers_.push_back(
+        {skin, element_at(skin, normal, part.tangent.normalized(), part.weight, part.area)});
+  }
+}
+
+void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
+  contact_.clear();
+  const LabelGrid& labels = workpiece_.tooth().tissue;
+  const LevelSet& cut = workpiece_.cut();
+  const Vec3 tip = workpiece_.lattice().to_index(pose.position);
+  const Mat3 rotation = pose.orientation.toRotationMatrix() / workpiece_.voxel();
+  for (const Feeler& feeler : feelers_) {
+    const Vec3 at = (tip + rotation * feeler.skin + Vec3::Constant(0.5)).array().floor();
+    if (at.cwiseAbs().maxCoeff() > 1e8) continue;  // far outside; must not overflow
+    const Index3 v = at.cast<int>();
+    const std::uint8_t label = labels.value(v.x(), v.y(), v.z());
+    if (label == 0 || cut.value(v.x(), v.y(), v.z()) > 0) continue;
+    PerTissue<float> share{};
+    share[label - 1] = 1;
+    contact_.add(feeler.element, share);
+  }
+}
+
+double VoxelEngine::way(const Pose& from, const Pose& to) const noexcept {
+  return (to.position - from.position).norm() +
+         arm_ * from.orientation.angularDistance(to.orientation);
+}
+
+void VoxelEngine::remove_at(const Pose& pose) noexcept {
+  const LabelGrid& labels = workpiece_.tooth().tissue;
+  LevelSet& cut = workpiece_.cut();
+  const auto half = static_cast<float>(0.5 * workpiece_.voxel());
+  const double volume = std::pow(workpiece_.voxel(), 3);
+  const Vec3 tip = workpiece_.lattice().to_index(pose.position);
+  const Vec3 end = tip + pose.orientation * Vec3(0, 0, bur_.head_length() / workpiece_.voxel());
+  const Mat3 to_bur = pose.orientation.toRotationMatrix().transpose() * workpiece_.voxel();
+  const Index3 first = cut.first_brick() * kBrickEdge;
+  const Index3 last = first + cut.brick_counts() * kBrickEdge - Index3::Ones();
+  const double grow = bur_.max_radius() / workpiece_.voxel();
+  Index3 low, high;
+  for (int a = 0; a < 3; ++a) {
+    low[a] = static_cast<int>(std::clamp(std::ceil(std::min(tip[a], end[a]) - grow),
+                                         double(first[a]), double(last[a]) + 1));
+    high[a] = static_cast<int>(std::clamp(std::floor(std::max(tip[a], end[a]) + grow),
+                                          double(first[a]) - 1, double(last[a])));
+  }
+  const double deep = -workpiece_.voxel() * (1 + kRounding);
+  for (int x = low.x(); x <= high.x(); ++x)
+    for (int y = low.y(); y <= high.y(); ++y)
+      for (int z = low.z(); z <= high.z(); ++z) {
+        const std::uint8_t label = labels.value(x, y, z);
+        if (label == 0 || cut.value(x, y, z) > 0) continue;
+        if (distance_at(bur_, to_bur * (Vec3(x, y, z) - tip)) >= deep) continue;
+        const auto brick = static_cast<std::size_t>(cut.brick_index(x, y, z));
+        float* values = cut.writable_brick(brick, false);
+        if (!values) continue;  // cannot happen: every brick with tissue has a place reserved
+        values[brick_offset(x & 7, y & 7, z & 7)] = half;
+        workpiece_.changed().mark(brick);
+        removed_[label - 1] += volume;
+      }
+}
+
+void VoxelEngine::sweep(const Pose& to) noexcept {
+  const double length = way(last_, to);
+  const auto count = static_cast<int>(
+      std::clamp(std::ceil(length / (kSubPoseVoxels * workpiece_.voxel())), 1.0, 1e6));
+  for (int i = 1; i < count; ++i) {
+    const double t = static_cast<double>(i) / count;
+    remove_at({last_.position + t * (to.position - last_.position),
+               last_.orientation.slerp(t, to.orientation)});
+  }
+  remove_at(to);
+  last_ = to;
+}
+
+PerTissue<double> VoxelEngine::clear(const Pose& pose) {
+  const PerTissue<double> before = removed_;
+  last_ = pose;
+  remove_at(pose);
+  const PerTissue<double> after = removed_;
+  removed_ = before;
+  PerTissue<double> volume{};
+  for (int k = 0; k < kTissueCount; ++k) volume[k] = after[k] - before[k];
+  return volume;
+}
+
+void VoxelEngine::advance(const Pose& pose) noexcept {
+  if (paused_) {
+    sweep(pause_pose_);
+    last_ = pose;
+    paused_ = false;
+  }
+  if (way(last_, pose) >= workpiece_.voxel() * (1 - 1e-9)) sweep(pose);
+}
+
+void VoxelEngine::pause(const Pose& pose) noexcept {
+  if (!paused_) pause_pose_ = pose;
+  paused_ = true;
+}
+
+void VoxelEngine::finish(const Pose& pose) noexcept {
+  sweep(paused_ ? pause_pose_ : pose);
+  redistance();
+}
+
+// While stepping a voxel of the cut is either -band (there) or +D/2 (gone). What is handed on is a
+// narrow band again: the distance to the nearest voxel of the other kind, less half a voxel, so
+// that the surface runs along the faces between them and every voxel counts as a whole.
+void VoxelEngine::redistance() noexcept {
+  LevelSet& cut = workpiece_.cut();
+  const float band = workpiece_.band();
+  const auto voxel = static_cast<float>(workpiece_.voxel());
+  constexpr int kReach = 3;
+  struct Neighbour {
+    int x, y, z;
+    float distance;
+  };
+  std::array<Neighbour, (2 * kReach + 1) * (2 * kReach + 1) * (2 * kReach + 1) - 1> neighbours;
+  std::size_t n = 0;
+  for (int x = -kReach; x <= kReach; ++x)
+    for (int y = -kReach; y <= kReach; ++y)
+      for (int z = -kReach; z <= kReach; ++z)
+        if (x || y || z)
+          neighbours[n++] = {x, y, z,
+                             voxel * (std::sqrt(static_cast<float>(x * x + y * y + z * z)) - 0.5f)};
+  std::stable_sort(neighbours.begin(), neighbours.end(),
+                   [](const Neighbour& a, const Neighbour& b) { return a.distance < b.distance; });
+  // Bricks with a voxel gone, and their neighbours: the signs never change, so it works in place.
+  const std::size_t bricks = cut.table_size();
+  for (std::size_t b = 0; b < bricks; ++b) {
+    const LevelSet& solid = workpiece_.tooth().solid;
+    if (solid.is_uniform(b) && solid.uniform_value(b) > 0) continue;
+    const Index3 origin = cut.brick_origin(b);
+    bool near = false;
+    for (int c = 0; c < 27 && !near; ++c) {
+      const std::int64_t beside =
+          cut.brick_index(origin.x() + 8 * (c / 9 - 1), origin.y() + 8 * (c / 3 % 3 - 1),
+                          origin.z() + 8 * (c % 3 - 1));
+      near = beside >= 0 && !cut.is_uniform(static_cast<std::size_t>(beside));
+    }
+    if (!near) continue;
+    float* values = nullptr;
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const Index3 at = origin + Index3(v >> 6, (v >> 3) & 7, v & 7);
+      const bool gone = cut.value(at.x(), at.y(), at.z()) > 0;
+      float distance = band;
+      for (const Neighbour& k : neighbours) {
+        if (k.distance >= band) break;
+        if ((cut.value(at.x() + k.x, at.y() + k.y, at.z() + k.z) > 0) == gone) continue;
+        distance = k.distance;
+        break;
+      }
+      if (!gone && distance == band && cut.is_uniform(b)) continue;
+      if (!values) {
+        values = cut.writable_brick(b, false);
+        if (!values) break;
+        workpiece_.changed().mark(b);
+      }
+      values[v] = gone ? distance : -distance;
+    }
+  }
+}
+
+}  // namespace toothprep

@@ -1,0 +1,72 @@
+// The paper's own engine, literally: the bur is voxelised at the tooth's pitch D; its boundary
+// voxels feel, its interior voxels remove (the two layers). It exists to reproduce the published
+// curves, with their voxel effect and their energy error, beside the level-set engine.
+//
+//   bur voxel         a cell of pitch D in B whose centre lies in the head; the axis runs through
+//                     cell corners and the tip is a cell face
+//   boundary voxel    its centre lies at most D beneath the skin; it feels at the point of the skin
+//                     that it stands for
+//   contact           the tooth voxel that holds that point is tissue and not removed
+//   removal           every tooth voxel whose centre lies deeper than D beneath the skin
+//
+// A tooth voxel that holds a point of the skin has its centre at most sqrt(3)/2 D beneath it, so
+// removal never takes what is felt, whatever the bur's orientation. (With the centres of the
+// boundary voxels as points that is true only while both lattices are aligned: turned or shifted,
+// up to a fifth of the contact comes and goes.)
+//
+// Each boundary voxel stands for the part of the bur's true surface that is nearest to it: normal,
+// dphi dl and ds are summed over that part. (Areas of D² for each are off by -20 to +35 %,
+// depending on which neighbours make a voxel a boundary voxel, at every pitch.)
+//
+// The cavity stays one voxel too small on every side, so the work of the torque exceeds the energy
+// of what was removed: R/(R - D) · L/(L - 2D) for a cylinder, 1.29 for the paper's at D = 0.1 mm
+// (measured 1.30 to 1.33, as a disc of voxels isn't round). That is the scheme, not a defect of
+// this code.
+//
+// Carving visits all voxels under the head at once, every voxel of way: milliseconds at 0.025 mm.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "toothprep/step/grinding/engine.h"
+
+namespace toothprep {
+
+class VoxelEngine final : public GrindingEngine {
+ public:
+  VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, const Pose& pose);
+
+  void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept override;
+  bool covers(const Vec3&) const noexcept override { return true; }
+  const ContactSet& contact() const noexcept override { return contact_; }
+  PerTissue<double> clear(const Pose& pose) override;
+  void advance(const Pose& pose) noexcept override;
+  void pause(const Pose& pose) noexcept override;
+  void finish(const Pose& pose) noexcept override;
+  const PerTissue<double>& removed() const noexcept override { return removed_; }
+
+ private:
+  // A boundary voxel.
+  struct Feeler {
+    Vec3 skin;  // mm, B
+    ContactSet::Element element;
+  };
+  void share_surface_out(const Bur& bur, bool clockwise);
+  double way(const Pose& from, const Pose& to) const noexcept;
+  void sweep(const Pose& to) noexcept;
+  void remove_at(const Pose& pose) noexcept;
+  void redistance() noexcept;
+
+  const Bur& bur_;
+  Workpiece& workpiece_;
+  double arm_;  // mm, the longest of the head
+  std::vector<Feeler> feelers_;
+  ContactSet contact_;
+  Pose last_;  // where tissue was last removed
+  bool paused_ = false;
+  Pose pause_pose_;
+  PerTissue<double> removed_{};
+};
+
+}  // namespace toothprep

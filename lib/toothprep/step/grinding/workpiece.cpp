@@ -1,0 +1,115 @@
+#include "toothprep/step/grinding/workpiece.h"
+
+#include <algorithm>
+
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep {
+namespace {
+
+constexpr std::size_t kMostSpareBricks = 8192;
+constexpr int kLabelMargin = 2;  // voxels that labels are extended into the air
+
+// One layer: every air voxel near the surface takes the label of its nearest labelled neighbour
+// (faces before edges before corners, then by place).
+LabelGrid extend_labels(const LabelGrid& labels, const LevelSet& solid, float reach) {
+  static const std::vector<Index3> neighbours = [] {
+    std::vector<Index3> n;
+    for (int x = -1; x <= 1; ++x)
+      for (int y = -1; y <= 1; ++y)
+        for (int z = -1; z <= 1; ++z)
+          if (x || y || z) n.emplace_back(x, y, z);
+    std::stable_sort(n.begin(), n.end(), [](const Index3& a, const Index3& b) {
+      return a.squaredNorm() < b.squaredNorm();
+    });
+    return n;
+  }();
+  LabelGrid extended = labels;
+  for (std::size_t b = 0; b < labels.table_size(); ++b) {
+    if (solid.is_uniform(b)) continue;  // no surface within the band
+    const std::uint8_t* here = labels.brick(b);
+    const float* phi = solid.brick(b);
+    const Index3 first = labels.brick_origin(b);
+    std::uint8_t* target = nullptr;
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      if (here[v] != 0 || phi[v] > reach) continue;
+      const Index3 at = first + Index3(v >> 6, (v >> 3) & 7, v & 7);
+      for (const Index3& n : neighbours) {
+        const std::uint8_t label = labels.value(at.x() + n.x(), at.y() + n.y(), at.z() + n.z());
+        if (label == 0) continue;
+        if (!target) target = extended.writable_brick(b);
+        target[v] = label;
+        break;
+      }
+    }
+  }
+  return extended;
+}
+
+}  // namespace
+
+Workpiece::Workpiece(const LayeredTooth& tooth)
+    : tooth_(tooth), band_(static_cast<float>(tooth.band())) {
+  const LevelSet& solid = tooth.solid;
+  const auto same_bricks = [&](const auto& grid) {
+    return grid.first_brick() == solid.first_brick() && grid.brick_counts() == solid.brick_counts();
+  };
+  if (!same_bricks(tooth.tissue) || !same_bricks(tooth.remains[0]) ||
+      !same_bricks(tooth.remains[1]) || !same_bricks(tooth.remains[2]))
+    throw Error("tooth: labels and level sets must cover the same bricks");
+  labels_ = tooth.tissue;
+  for (int layer = 0; layer < kLabelMargin; ++layer) labels_ = extend_labels(labels_, solid, band_);
+
+  cut_ = LevelSet(solid.first_brick(), solid.brick_counts(), -band_, {band_});
+  std::size_t not_void = 0;
+  for (std::size_t b = 0; b < solid.table_size(); ++b)
+    not_void += !(solid.is_uniform(b) && solid.uniform_value(b) > 0);
+  // A cut carves the bricks of one head, a few thousand at the finest voxels.
+  spare_bricks_ = std::min<std::size_t>(not_void, kMostSpareBricks);
+  cut_.reserve(not_void + spare_bricks_);
+  changed_ = ChangedBricks(cut_.table_size());
+
+  // Per brick: a bit for each label in it, and whether it is inside as a whole.
+  std::vector<std::uint8_t> present(solid.table_size(), 0);
+  for (std::size_t b = 0; b < present.size(); ++b)
+    for (int v = 0; v < (labels_.is_uniform(b) ? 1 : kBrickVoxels); ++v)
+      present[b] |= static_cast<std::uint8_t>(1u << labels_.brick(b)[v]);
+  cells_.resize(present.size());
+  const Index3 n = solid.brick_counts();
+  std::size_t b = 0;
+  for (int x = 0; x < n.x(); ++x)
+    for (int y = 0; y < n.y(); ++y)
+      for (int z = 0; z < n.z(); ++z, ++b) {
+        unsigned tissues = 0;
+        bool deep = true, air = true;
+        for (int c = 0; c < 8; ++c) {
+          const int nx = std::min(x + (c >> 2), n.x() - 1),
+                    ny = std::min(y + ((c >> 1) & 1), n.y() - 1),
+                    nz = std::min(z + (c & 1), n.z() - 1);
+          const std::size_t at = (static_cast<std::size_t>(nx) * n.y() + ny) * n.z() + nz;
+          tissues |= present[at];
+          deep = deep && solid.is_uniform(at) && solid.uniform_value(at) < 0;
+          air = air && solid.is_uniform(at) && solid.uniform_value(at) > 0;
+        }
+        tissues &= ~1u;  // air
+        for (int label = 1; label <= kTissueCount; ++label)
+          if (tissues == 1u << label) cells_[b].only_tissue = static_cast<std::uint8_t>(label);
+        cells_[b].deep = deep;
+        cells_[b].air = air;
+      }
+}
+
+LevelSet Workpiece::remaining_solid() const {
+  LevelSet remaining = tooth_.solid;
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut_.table_size(); ++b) {
+    if (cut_.is_uniform(b) && cut_.uniform_value(b) < 0) continue;
+    const float* solid = tooth_.solid.brick(b);
+    const float* cut = cut_.brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) values[v] = std::max(solid[v], cut[v]);
+    remaining.set_brick(b, values.data());
+  }
+  return remaining;
+}
+
+}  // namespace toothprep

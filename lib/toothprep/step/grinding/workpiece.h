@@ -1,0 +1,126 @@
+// What the step reads and carves: a tooth and the cut in it, made ready so that nothing is
+// allocated while stepping.
+//
+// The cut is a level set of its own: the union of all places of the bur, negative where nothing was
+// cut. What remains is max(tooth, cut). Kept apart, each field is smooth where the step samples it,
+// and the sharp edge where a cut meets the tooth's surface isn't rounded by interpolation: sampled
+// as one field it cost up to a voxel of contact along every such edge.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "toothprep/step/grinding/changed_bricks.h"
+#include "toothprep/step/tooth/layered_tooth.h"
+
+namespace toothprep {
+
+class Workpiece {
+ public:
+  // Keeps a reference to `tooth`, which must outlive it. Every brick that carving can touch gets
+  // its place in the pool here.
+  explicit Workpiece(const LayeredTooth& tooth);
+
+  const LayeredTooth& tooth() const { return tooth_; }
+  const Lattice& lattice() const { return tooth_.lattice; }
+  double voxel() const { return tooth_.lattice.voxel; }
+  float band() const { return band_; }
+  // Number of the cut's constant for a brick of which nothing is left (BrickGrid::put_constant).
+  static constexpr std::uint32_t kAllCut = 0;
+  // Bricks that can be carved apart before they are put in place, beyond those that tissue takes.
+  std::size_t spare_bricks() const { return spare_bricks_; }
+  const LevelSet& cut() const { return cut_; }
+  // Whoever writes into the cut marks the brick in changed().
+  LevelSet& cut() { return cut_; }
+  // Bricks of the cut that changed since they were last taken, for a display.
+  const ChangedBricks& changed() const { return changed_; }
+  ChangedBricks& changed() { return changed_; }
+
+  // Labels, extended two voxels into the air beside the surface (nearest tissue), so that a
+  // boundary voxel whose centre lies outside still tells its tissue.
+  const LabelGrid& labels() const { return labels_; }
+
+  // Of a brick and its seven upper neighbours, i.e. of every cell that starts in the brick, by
+  // table index: the one tissue that occurs (0 if several or none do), and whether all lie deeper
+  // in the tooth than the band.
+  std::uint8_t only_tissue(std::size_t brick) const { return cells_[brick].only_tissue; }
+  bool deep(std::size_t brick) const { return cells_[brick].deep; }
+  bool air(std::size_t brick) const { return cells_[brick].air; }
+
+  // What remains: max(tooth, cut).
+  LevelSet remaining_solid() const;
+
+ private:
+  struct CellsOfBrick {
+    std::uint8_t only_tissue = 0;
+    bool deep = false;
+    bool air = false;
+  };
+  const LayeredTooth& tooth_;
+  float band_;
+  LevelSet cut_;
+  ChangedBricks changed_;
+  std::size_t spare_bricks_;
+  LabelGrid labels_;
+  std::vector<CellsOfBrick> cells_;
+};
+
+// The trilinear interpolant of a level set at an index position, and its gradient per voxel.
+struct FieldSample {
+  float value;
+  float gx, gy, gz;
+};
+
+// The eight corners of the cell whose lower corner is voxel (i, j, k), z fastest; the background
+// outside.
+inline void cell_corners(const LevelSet& field, int i, int j, int k, float* c) noexcept {
+  const Index3& first = field.first_brick();
+  const Index3& counts = field.brick_counts();
+  const int bx = (i >> 3) - first.x(), by = (j >> 3) - first.y(), bz = (k >> 3) - first.z();
+  const int x = i & 7, y = j & 7, z = k & 7;
+  const auto inside = [](int b, int n) {
+    return static_cast<unsigned>(b) + 1 < static_cast<unsigned>(n);  // b and b + 1 are bricks
+  };
+  if (!inside(bx, counts.x()) || !inside(by, counts.y()) || !inside(bz, counts.z())) {
+    for (int n = 0; n < 8; ++n) c[n] = field.value(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1));
+    return;
+  }
+  const std::size_t stride_y = static_cast<std::size_t>(counts.z()),
+                    stride_x = stride_y * static_cast<std::size_t>(counts.y());
+  const std::size_t b = static_cast<std::size_t>(bx) * stride_x +
+                        static_cast<std::size_t>(by) * stride_y + static_cast<std::size_t>(bz);
+  if (x < 7 && y < 7 && z < 7) {
+    const float* v = field.brick(b) + brick_offset(x, y, z);
+    c[0] = v[0], c[1] = v[1], c[2] = v[8], c[3] = v[9];
+    c[4] = v[64], c[5] = v[65], c[6] = v[72], c[7] = v[73];
+    return;
+  }
+  const std::size_t b_x = x < 7 ? 0 : stride_x, b_y = y < 7 ? 0 : stride_y, b_z = z < 7 ? 0 : 1;
+  const int x1 = (x + 1) & 7, y1 = (y + 1) & 7, z1 = (z + 1) & 7;
+  c[0] = field.brick(b)[brick_offset(x, y, z)];
+  c[1] = field.brick(b + b_z)[brick_offset(x, y, z1)];
+  c[2] = field.brick(b + b_y)[brick_offset(x, y1, z)];
+  c[3] = field.brick(b + b_y + b_z)[brick_offset(x, y1, z1)];
+  c[4] = field.brick(b + b_x)[brick_offset(x1, y, z)];
+  c[5] = field.brick(b + b_x + b_z)[brick_offset(x1, y, z1)];
+  c[6] = field.brick(b + b_x + b_y)[brick_offset(x1, y1, z)];
+  c[7] = field.brick(b + b_x + b_y + b_z)[brick_offset(x1, y1, z1)];
+}
+
+// Trilinear value and gradient at (fx, fy, fz) in [0, 1) of a cell with the corner values c0 .. c7,
+// z fastest.
+inline FieldSample sample_cell(float c0, float c1, float c2, float c3, float c4, float c5, float c6,
+                               float c7, float fx, float fy, float fz) noexcept {
+  const float z00 = c0 + fz * (c1 - c0), z01 = c2 + fz * (c3 - c2);
+  const float z10 = c4 + fz * (c5 - c4), z11 = c6 + fz * (c7 - c6);
+  const float y0 = z00 + fy * (z01 - z00), y1 = z10 + fy * (z11 - z10);
+  const float d0 = c1 - c0 + fy * (c3 - c2 - c1 + c0);
+  const float d1 = c5 - c4 + fy * (c7 - c6 - c5 + c4);
+  return {y0 + fx * (y1 - y0), y1 - y0, (z01 - z00) + fx * (z11 - z10 - z01 + z00),
+          d0 + fx * (d1 - d0)};
+}
+inline FieldSample sample_cell(const float* c, float fx, float fy, float fz) noexcept {
+  return sample_cell(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], fx, fy, fz);
+}
+
+}  // namespace toothprep

@@ -1,0 +1,93 @@
+// The layered tooth: what every tool reads, carves or writes.
+//
+// Labels say which tissue is where (the anatomy; grinding never changes them). Level sets say what
+// remains: signed distances in mm, negative inside, clamped to a narrow band of three voxels.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+
+#include "toothprep/step/core/geometry.h"
+#include "toothprep/step/core/tissue.h"
+#include "toothprep/step/tooth/brick_grid.h"
+
+namespace toothprep {
+
+constexpr double kBandVoxels = 3.0;  // half width of the narrow band, as OpenVDB's default
+
+// Where voxels lie: the centre of voxel i is origin + voxel * i (W frame, mm; axes are the
+// world's).
+struct Lattice {
+  Vec3 origin = Vec3::Zero();
+  double voxel = 0.1;  // D, mm
+
+  Vec3 to_world(const Index3& i) const { return origin + voxel * i.cast<double>(); }
+  Vec3 to_index(const Vec3& x) const { return (x - origin) / voxel; }
+};
+
+using LabelGrid = BrickGrid<std::uint8_t>;
+using LevelSet = BrickGrid<float>;
+
+struct LayeredTooth {
+  Lattice lattice;
+  LabelGrid tissue;  // Tissue values; background air
+  LevelSet solid;    // what remains of labels 1-4
+  // What remains of each tissue that has a grid of its own in the file (enamel, dentin, pulp);
+  // `other` is what is left of solid.
+  std::array<LevelSet, 3> remains;
+  // Free-form metadata: source, source_sha256, threshold_*_..., kept through files.
+  std::map<std::string, std::string> provenance;
+
+  double band() const { return kBandVoxels * lattice.voxel; }
+};
+
+// An empty tooth whose grids cover the voxels lower..upper (inclusive) and a margin of one brick.
+// Throws Error if voxel is not in (0, 10] mm or the box holds more than 2^33 voxels.
+LayeredTooth make_empty_tooth(const Lattice& lattice, const Index3& lower, const Index3& upper);
+
+// Signed distances (mm, negative inside) of one point: the solid as a whole and each tissue with a
+// grid (enamel, dentin, pulp), as the intact anatomy. Values beyond the band need only have the
+// right sign.
+struct ToothSample {
+  float solid = 0;
+  std::array<float, 3> tissue{};
+  Tissue label = Tissue::kAir;
+};
+
+// The tooth of a field given at every point. `sample` must be a pure function (it is called from
+// several threads). With `lipschitz` the distances are taken as at most 1-Lipschitz and bricks far
+// from every surface are filled from one sample at their centre.
+LayeredTooth build_tooth(const Lattice& lattice, const Index3& lower, const Index3& upper,
+                         const std::function<ToothSample(const Vec3&)>& sample, bool lipschitz);
+
+// The same from a function that fills one brick's 512 samples (offset as in brick_offset) for the
+// voxels first .. first + 7.
+LayeredTooth build_tooth_by_brick(
+    const Lattice& lattice, const Index3& lower, const Index3& upper,
+    const std::function<void(const Index3& first, ToothSample* samples)>& sample_brick);
+
+// Volume inside a level set, mm³: sum over voxels of D³·(1/2 - phi/D) clamped to [0, 1], which is
+// exact for a plane along the axes and of second order elsewhere.
+double volume_mm3(const LevelSet& level_set, double voxel);
+// What remains per tissue, mm³; `other` is the rest of the solid.
+PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth);
+
+// World box around what remains of the solid (min, max), mm; a zero box at the origin if nothing
+// does.
+struct Box {
+  Vec3 min = Vec3::Zero(), max = Vec3::Zero();
+};
+Box bounds_of_solid(const LayeredTooth& tooth);
+
+std::size_t memory_bytes(const LayeredTooth& tooth);
+
+// SHA-256 over lattice, labels and level sets (not over the file that holds them), independent of
+// the box and of which bricks are stored.
+std::string tooth_sha256(const LayeredTooth& tooth);
+
+// The same anatomy with `solid` carved: each tissue's level set becomes max(tissue, solid).
+// `solid` must lie on the same lattice.
+void apply_remaining_solid(LayeredTooth& tooth, LevelSet solid);
+
+}  // namespace toothprep

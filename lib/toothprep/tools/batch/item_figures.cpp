@@ -1,0 +1,90 @@
+#include "toothprep/tools/batch/item_figures.h"
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+void collect(const Json& node, const std::string& key, const std::vector<std::string>& unrepeatable,
+             ItemFigures& figures) {
+  for (const std::string& beginning : unrepeatable)
+    if (key.rfind(beginning, 0) == 0) return;
+  const std::string prefix = key.empty() ? "" : key + ".";
+  if (node.is_object()) {
+    for (const auto& [name, value] : node.items())
+      collect(value, prefix + name, unrepeatable, figures);
+  } else if (node.is_array()) {
+    for (const Json& entry : node)
+      if (entry.is_object() && entry.contains("key") && entry["key"].is_string())
+        collect(entry, prefix + entry["key"].get<std::string>(), unrepeatable, figures);
+  } else if (node.is_number() || node.is_boolean()) {
+    // The first of equal keys stands.
+    if (std::none_of(figures.begin(), figures.end(), [&](const auto& f) { return f.first == key; }))
+      figures.push_back({key, node.dump()});
+  }
+}
+
+std::string quoted(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string result = "\"";
+  for (const char c : text) result += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return result + '"';
+}
+
+}  // namespace
+
+ItemFigures read_figures(const std::string& path, const std::vector<std::string>& unrepeatable) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) throw InputError(path, "", "cannot be read");
+  const Json json = Json::parse(in, nullptr, false);
+  if (!json.is_object()) throw InputError(path, "", "is no JSON object");
+  ItemFigures figures;
+  collect(json, "", unrepeatable, figures);
+  return figures;
+}
+
+std::string table_csv(const std::vector<ItemRow>& rows) {
+  std::vector<std::string> columns;
+  std::map<std::string, std::size_t> place;
+  for (const ItemRow& row : rows)
+    for (const auto& [key, value] : row.figures)
+      if (place.emplace(key, columns.size()).second) columns.push_back(key);
+  std::string csv = "name,command,status,reason";
+  for (const std::string& column : columns) csv += "," + quoted(column);
+  csv += '\n';
+  for (const ItemRow& row : rows) {
+    std::vector<std::string> cells(columns.size());
+    for (const auto& [key, value] : row.figures) cells[place[key]] = value;
+    csv += quoted(row.name) + "," + row.command + "," + row.status + "," + quoted(row.reason);
+    for (const std::string& cell : cells) csv += "," + cell;
+    csv += '\n';
+  }
+  return csv;
+}
+
+std::string table_json(const std::vector<ItemRow>& rows, const std::string& version) {
+  Json json = {
+      {"schema", "toothprep-batch"}, {"schema_version", 1}, {"toothprep_version", version}};
+  json["done"] = std::count_if(rows.begin(), rows.end(),
+                               [](const ItemRow& row) { return row.status == "done"; });
+  json["failed"] = std::count_if(rows.begin(), rows.end(),
+                                 [](const ItemRow& row) { return row.status == "failed"; });
+  json["items"] = Json::array();
+  for (const ItemRow& row : rows) {
+    Json item = {{"name", row.name}, {"command", row.command}, {"status", row.status}};
+    if (!row.reason.empty()) item["reason"] = row.reason;
+    item["figures"] = Json::object();
+    for (const auto& [key, value] : row.figures) item["figures"][key] = Json::parse(value);
+    json["items"].push_back(std::move(item));
+  }
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace toothprep

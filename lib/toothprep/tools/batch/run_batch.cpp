@@ -1,0 +1,379 @@
+#include "toothprep/tools/batch/run_batch.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/tools/batch/child_process.h"
+#include "toothprep/tools/io/output_file.h"
+
+namespace toothprep {
+namespace {
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using Clock = std::chrono::steady_clock;
+
+constexpr const char* kSchema = "toothprep-batch-item";
+constexpr double kGrace = 2;  // s between asking a child to end and killing it
+
+// One batch at a time in a folder. Held as long as the process lives, whatever ends it.
+class FolderLock {
+ public:
+  explicit FolderLock(const fs::path& folder)
+      : file_(open((folder / ".batch.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
+    if (file_ < 0) throw Error(folder.string() + ": cannot be written: " + std::strerror(errno));
+    if (flock(file_, LOCK_EX | LOCK_NB) != 0) {
+      close(file_);
+      throw Error(folder.string() + ": another batch is at work in this folder; wait for its end");
+    }
+  }
+  ~FolderLock() { close(file_); }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int file_;
+};
+
+Json read_json(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return in ? Json::parse(in, nullptr, false) : Json();
+}
+
+// item.json of an item that a batch wrote; null otherwise.
+Json item_record(const fs::path& folder) {
+  Json record = read_json(folder / "item.json");
+  if (!record.is_object() || !record.contains("schema") || record["schema"] != kSchema) return {};
+  return record;
+}
+
+void write_text(const fs::path& path, const std::string& text) {
+  std::ofstream out(path, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw Error(path.string() + ": cannot be written; is the disk full?");
+}
+
+// What must be the same for an item to be done.
+Json identity_of(const BatchItem& item, const BatchManifest& manifest, const BatchOptions& options,
+                 std::map<std::string, std::string>& hashes) {
+  const BatchCommand& command = manifest.commands[item.command];
+  Json line = Json::array({command.name});
+  for (const auto* list : {&command.always, &item.shown})
+    for (const std::string& argument : *list) line.push_back(argument);
+  Json inputs = Json::object();
+  for (const BatchInput& input : item.inputs) {
+    auto [place, fresh] = hashes.try_emplace(input.path);
+    if (fresh) place->second = sha256_of_file(input.path);
+    inputs[input.shown] = place->second;
+  }
+  return {{"command", line}, {"inputs", inputs}, {"toothprep_version", options.version}};
+}
+
+// Every file below the folder but the batch's own, with its hash, sorted by name.
+Json outputs_of(const fs::path& folder) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string name = entry.path().lexically_relative(folder).string();
+    if (entry.is_regular_file() && name != "item.json" && name != "log.txt")
+      files[name] = sha256_of_file(entry.path().string());
+  }
+  Json outputs = Json::object();
+  for (const auto& [name, hash] : files) outputs[name] = hash;
+  return outputs;
+}
+
+bool is_done(const fs::path& folder, const Json& identity) {
+  try {
+    const Json record = item_record(folder);
+    if (record.is_null() || record.value("status", "") != "done") return false;
+    for (const auto& [key, value] : identity.items())
+      if (!record.contains(key) || record[key] != value) return false;
+    return record.contains("outputs") && record["outputs"] == outputs_of(folder);
+  } catch (const std::exception&) {  // unreadable is not done
+    return false;
+  }
+}
+
+std::string last_line(const fs::path& log) {
+  std::ifstream in(log, std::ios::binary);
+  std::string line, last;
+  while (std::getline(in, line)) {
+    while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
+    if (!line.empty()) last = line.substr(0, 1000);
+  }
+  // The program puts its name before an error.
+  const std::string name = "toothprep: ";
+  return last.rfind(name, 0) == 0 ? last.substr(name.size()) : last;
+}
+
+// One item that runs.
+struct Running {
+  std::size_t index = 0;
+  fs::path part;
+  std::unique_ptr<ChildProcess> child;
+  Clock::time_point start, asked;  // when it was asked to end
+  bool late = false;
+};
+
+double seconds_since(Clock::time_point t) {
+  return std::chrono::duration<double>(Clock::now() - t).count();
+}
+
+class Batch {
+ public:
+  Batch(const BatchManifest& manifest, const BatchOptions& options)
+      : m_(manifest), o_(options), dir_(fs::absolute(options.folder).lexically_normal()) {}
+
+  BatchResult run() {
+    prepare_folder();
+    const FolderLock lock(dir_);
+    check_folders();
+    BatchResult result;
+    std::vector<ItemRow> rows(m_.items.size());
+    std::vector<bool> ended(m_.items.size(), false);
+    std::map<std::string, std::string> hashes;
+    std::vector<Json> identities;
+    for (const BatchItem& item : m_.items) {
+      if (interrupted()) break;
+      identities.push_back(identity_of(item, m_, o_, hashes));
+    }
+
+    std::vector<Running> running;
+    std::size_t next = 0, finished = 0;
+    const auto finish = [&](std::size_t i, ItemRow row, const char* how) {
+      rows[i] = std::move(row);
+      ended[i] = true;
+      ++finished;
+      if (o_.progress)
+        o_.progress("[" + std::to_string(finished) + "/" + std::to_string(rows.size()) + "] " +
+                    rows[i].name + ": " + how +
+                    (rows[i].reason.empty() ? "" : ": " + rows[i].reason));
+    };
+    while (!interrupted() && (next < m_.items.size() || !running.empty())) {
+      if (next < m_.items.size() &&
+          running.size() < static_cast<std::size_t>(std::max(1, o_.at_once))) {
+        const std::size_t i = next++;
+        if (!o_.redo && is_done(folder_of(i), identities[i])) {
+          finish(i, row_of(i, folder_of(i)), "was done");
+          continue;
+        }
+        ++result.run;
+        try {
+          running.push_back(start(i));
+        } catch (const std::exception& e) {
+          finish(i, failed(i, identities[i], e.what(), 0), "failed");
+        }
+        continue;
+      }
+      bool any = false;
+      for (std::size_t r = 0; r < running.size();) {
+        if (still_runs(running[r])) {
+          ++r;
+          continue;
+        }
+        any = true;
+        const std::size_t i = running[r].index;
+        ItemRow row = end(running[r], identities[i]);
+        const bool good = row.status == "done";
+        running.erase(running.begin() + static_cast<std::ptrdiff_t>(r));
+        finish(i, std::move(row), good ? "done" : "failed");
+      }
+      if (!any) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    if (interrupted()) {
+      stop(running);
+      result.interrupted = true;
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        if (ended[i]) result.rows.push_back(std::move(rows[i]));
+      return result;
+    }
+    result.rows = std::move(rows);
+    write_tables(result.rows);
+    return result;
+  }
+
+ private:
+  // Once asked to stop it stays so.
+  bool interrupted() {
+    stopped_ = stopped_ || (o_.interrupted && o_.interrupted());
+    return stopped_;
+  }
+  fs::path folder_of(std::size_t i) const { return dir_ / m_.items[i].name; }
+  fs::path part_of(std::size_t i) const { return dir_ / (m_.items[i].name + ".part"); }
+
+  void prepare_folder() const {
+    std::error_code error;
+    if (fs::exists(dir_, error) && !fs::is_directory(dir_, error))
+      throw Error(o_.folder + ": is a file; a folder is to be written here");
+    if (!fs::exists(dir_, error) && !fs::create_directory(dir_, error))
+      throw Error(o_.folder + ": cannot be made; does the folder above it exist?");
+    if (access(dir_.c_str(), W_OK) != 0) throw Error(o_.folder + ": cannot be written");
+  }
+
+  // A folder that a batch didn't write, such as a student's own, is never replaced.
+  void check_folders() const {
+    std::error_code error;
+    for (std::size_t i = 0; i < m_.items.size(); ++i) {
+      const fs::path folder = folder_of(i);
+      if (fs::exists(fs::symlink_status(folder, error)) &&
+          (!fs::is_directory(fs::symlink_status(folder, error)) || item_record(folder).is_null()))
+        throw Error(folder.string() +
+                    ": was not written by a batch, so it is not replaced; give another folder");
+    }
+  }
+
+  Running start(std::size_t i) const {
+    const BatchItem& item = m_.items[i];
+    const BatchCommand& command = m_.commands[item.command];
+    Running r;
+    r.index = i;
+    r.part = part_of(i);
+    fs::remove_all(r.part);
+    fs::create_directory(r.part);
+    std::vector<std::string> line = {o_.program, command.name};
+    for (const auto* list : {&o_.program_arguments, &command.always, &item.arguments})
+      line.insert(line.end(), list->begin(), list->end());
+    const std::string log = (r.part / "log.txt").string();
+    r.start = Clock::now();
+    r.child = std::make_unique<ChildProcess>(
+        line, r.part.string(), command.result_on_stdout ? (r.part / command.result).string() : log,
+        log);
+    return r;
+  }
+
+  bool still_runs(Running& r) const {
+    if (!r.child->running()) return false;
+    if (o_.time_limit > 0 && !r.late && seconds_since(r.start) > o_.time_limit) {
+      r.late = true;
+      r.asked = Clock::now();
+      r.child->terminate(false);
+    } else if (r.late && seconds_since(r.asked) > kGrace) {
+      r.child->terminate(true);
+    }
+    return true;
+  }
+
+  // The row of a finished item from its folder.
+  ItemRow row_of(std::size_t i, const fs::path& folder) const {
+    const BatchCommand& command = m_.commands[m_.items[i].command];
+    return {m_.items[i].name, command.name, "done", "",
+            read_figures((folder / command.result).string(), command.unrepeatable)};
+  }
+
+  ItemRow end(const Running& r, const Json& identity) const {
+    const BatchItem& item = m_.items[r.index];
+    const ChildEnd ended = r.child->end();
+    const double seconds = seconds_since(r.start);
+    const std::string said = last_line(r.part / "log.txt");
+    std::string reason;
+    if (r.late) {
+      char limit[32];
+      std::snprintf(limit, sizeof limit, "%g", o_.time_limit);
+      reason = std::string("took longer than ") + limit + " s";
+    } else if (!ended.exited) {
+      reason = std::string("ended by signal ") + std::to_string(ended.code) + " (" +
+               strsignal(ended.code) + ")" + (said.empty() ? "" : ": " + said);
+    } else if (ended.code != 0) {
+      reason = said.empty() ? "exit status " + std::to_string(ended.code) : said;
+    }
+    std::error_code error;
+    for (const std::string& file : item.made)
+      if (reason.empty() && !fs::exists(r.part / file, error)) reason = "wrote no " + file;
+    if (!reason.empty()) return failed(r.index, identity, reason, seconds);
+    try {
+      ItemRow row = row_of(r.index, r.part);
+      Json record = {{"schema", kSchema}, {"schema_version", 1}, {"status", "done"}};
+      record.update(identity);
+      record["outputs"] = outputs_of(r.part);
+      record["seconds"] = seconds;
+      write_text(r.part / "item.json",
+                 record.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+      replace(r.index);
+      return row;
+    } catch (const std::exception& e) {
+      // Paths inside the work folder would name a folder that is gone.
+      const std::string text = e.what();
+      const std::string prefix = r.part.string() + "/";
+      return failed(r.index, identity,
+                    text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text, seconds);
+    }
+  }
+
+  // Of a failed item remain the log and why.
+  ItemRow failed(std::size_t i, const Json& identity, const std::string& reason,
+                 double seconds) const {
+    const fs::path part = part_of(i);
+    try {
+      if (fs::is_directory(part))
+        for (const auto& entry : fs::directory_iterator(part))
+          if (entry.path().filename() != "log.txt") fs::remove_all(entry.path());
+      fs::create_directory(part);
+      Json record = {
+          {"schema", kSchema}, {"schema_version", 1}, {"status", "failed"}, {"reason", reason}};
+      record.update(identity);
+      record["seconds"] = seconds;
+      write_text(part / "item.json",
+                 record.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+      replace(i);
+    } catch (const std::exception&) {
+      // The row tells what went wrong first.
+    }
+    return {m_.items[i].name, m_.commands[m_.items[i].command].name, "failed", reason, {}};
+  }
+
+  void replace(std::size_t i) const {
+    fs::remove_all(folder_of(i));
+    fs::rename(part_of(i), folder_of(i));
+  }
+
+  void stop(std::vector<Running>& running) const {
+    for (Running& r : running) r.child->terminate(false);
+    const auto asked = Clock::now();
+    const auto any_runs = [&] {
+      return std::any_of(running.begin(), running.end(),
+                         [](Running& r) { return r.child->running(); });
+    };
+    while (any_runs() && seconds_since(asked) < kGrace)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    std::vector<fs::path> parts;
+    for (const Running& r : running) parts.push_back(r.part);
+    running.clear();  // kills what still runs
+    std::error_code error;
+    for (const fs::path& part : parts) fs::remove_all(part, error);
+  }
+
+  void write_tables(const std::vector<ItemRow>& rows) const {
+    OutputFile csv((dir_ / "batch.csv").string(), true), json((dir_ / "batch.json").string(), true);
+    write_text(csv.temporary(), table_csv(rows));
+    write_text(json.temporary(), table_json(rows, o_.version));
+    csv.commit();
+    json.commit();
+  }
+
+  const BatchManifest& m_;
+  const BatchOptions& o_;
+  fs::path dir_;
+  bool stopped_ = false;
+};
+
+}  // namespace
+
+BatchResult run_batch(const BatchManifest& manifest, const BatchOptions& options) {
+  return Batch(manifest, options).run();
+}
+
+}  // namespace toothprep

@@ -1,0 +1,241 @@
+#include "toothprep/tools/calibrate/fit_files.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "toothprep/step/core/units.h"
+#include "toothprep/tools/io/csv_writer.h"
+
+namespace toothprep {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostRows = 4000;
+
+Json number(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
+Json vector(const Vec3& v) { return Json::array({v.x(), v.y(), v.z()}); }
+Json interval(const Estimate& e, double factor = 1) {
+  return std::isfinite(e.low) ? Json::array({e.low * factor, e.high * factor}) : Json(nullptr);
+}
+
+}  // namespace
+
+std::string fit_json(const FitResult& fit, const FitSources& sources) {
+  const double unit = units::to_joule_per_mm3(1);
+  Json j;
+  j["schema"] = "toothprep-fit";
+  j["schema_version"] = 1;
+  j["toothprep_version"] = sources.toothprep_version;
+  j["tooth"] = sources.tooth;
+  j["tooth_sha256"] = sources.tooth_sha256;
+  j["bur"] = sources.bur;
+  j["rotation_rate_rev_s"] = fit.rotation_rate;
+  j["rotation_rate_recorded"] = fit.speed_recorded;
+  j["rotation_rate_note"] =
+      fit.speed_recorded
+          ? "the speed was recorded: u holds as it is; this rate is the recordings' median"
+          : "forces determine u/N only: u is for this rotation rate and scales with it";
+  for (int k = 0; k < kTissueCount; ++k) {
+    const TissueFit& t = fit.tissue[k];
+    Json& out = j["tissues"][std::string(kTissueNames[k])];
+    out["identifiable"] = t.identifiable;
+    out["why_not"] = t.identifiable ? Json(nullptr) : Json(t.why_not);
+    out["u_j_per_mm3"] = number(t.u.value * unit);
+    out["u_std_j_per_mm3"] = number(t.u.std * unit);
+    out["u_ci95_j_per_mm3"] = interval(t.u, unit);
+    out["alpha"] = number(t.alpha.value);
+    out["alpha_std"] = number(t.alpha.std);
+    out["alpha_ci95"] = interval(t.alpha);
+    out["u_per_n_j_s_per_mm3"] = number(t.u.value * unit / fit.rotation_rate);
+    out["u_over_alpha_j_per_mm3"] = number(t.u_over_alpha.value * unit);
+    out["u_over_alpha_std_j_per_mm3"] = number(t.u_over_alpha.std * unit);
+    out["u_over_alpha_ci95_j_per_mm3"] = interval(t.u_over_alpha, unit);
+    out["touched_s"] = t.touched;
+    out["removed_mm3"] = t.removed;
+  }
+  Vec3 bias = Vec3::Zero();
+  for (const RecordingFit& r : fit.recordings)
+    bias += r.bias / static_cast<double>(fit.recordings.size());
+  j["bias_n"] = vector(bias);  // mean over the recordings
+  j["delay_s"] = fit.delay.value;
+  j["delay_std_s"] = fit.delay.std;
+  j["sensor_rotation_deg"] = vector(fit.rotation * units::to_degree(1));
+  j["sensor_rotation_std_deg"] = vector(fit.rotation_std * units::to_degree(1));
+  j["handpiece_weight_n"] = fit.weight_why_not.empty() ? vector(fit.weight) : Json(nullptr);
+  j["handpiece_weight_why_not"] =
+      fit.weight_why_not.empty() ? Json(nullptr) : Json(fit.weight_why_not);
+  j["lowpass_time_constant_s"] = fit.lowpass.value;
+  j["lowpass_time_constant_std_s"] = fit.lowpass.std;
+  j["delay_lowpass_correlation"] = fit.delay_lowpass_correlation;
+  if (fit.droop) {
+    const DroopFit& d = *fit.droop;
+    j["droop"] = {{"identifiable", d.identifiable},
+                  {"why_not", d.identifiable ? Json(nullptr) : Json(d.why_not)},
+                  {"rotation_rate_rev_s", number(d.rate.value)},
+                  {"rotation_rate_std_rev_s", number(d.rate.std)},
+                  {"rotation_rate_ci95_rev_s", interval(d.rate)},
+                  {"stall_torque_mnm", number(d.stall_torque.value)},
+                  {"stall_torque_std_mnm", number(d.stall_torque.std)},
+                  {"stall_torque_ci95_mnm", interval(d.stall_torque)},
+                  {"correlation", d.correlation},
+                  {"residual_rms_rev_s", d.residual_rms},
+                  {"largest_fall", d.largest_fall}};
+  }
+  j["drive"] = fit.replays > 0 ? "coupled" : "direct";
+  if (fit.replays > 0) j["replay_iterations"] = fit.replays;
+  j["residual_rms_n"] = fit.residual_rms;
+  j["residual_r2"] = fit.residual_r2;
+  j["outlier_share"] = fit.outlier_share;
+  j["validation_rms_n"] = number(fit.validation_rms);
+  j["validation"] = fit.validation;
+  j["constant_u_and_alpha_suffice"] = fit.constant_suffices;
+  j["residual_correlation_s"] = fit.correlation_time;
+  j["bootstrap_block_s"] = fit.block;
+  j["bootstrap_blocks"] = fit.blocks;
+  j["correlation_of"] = fit.names;
+  j["correlation"] = Json::array();
+  for (Eigen::Index a = 0; a < fit.correlation.rows(); ++a) {
+    Json row = Json::array();
+    for (Eigen::Index b = 0; b < fit.correlation.cols(); ++b) row.push_back(fit.correlation(a, b));
+    j["correlation"].push_back(row);
+  }
+  j["singular_values"] = fit.singular_values;
+  j["start_spread"] = fit.start_spread;
+  j["recordings"] = Json::array();
+  for (std::size_t r = 0; r < fit.recordings.size(); ++r) {
+    const RecordingFit& own = fit.recordings[r];
+    Json out;
+    out["file"] = own.name;
+    if (r < sources.recording_sha256.size()) out["sha256"] = sources.recording_sha256[r];
+    out["samples"] = own.samples;
+    out["samples_stalled"] = own.stalled;
+    out["bias_n"] = vector(own.bias);
+    out["bias_std_n"] = vector(own.bias_std);
+    out["drift_n_per_s"] = vector(own.drift);
+    out["drift_std_n_per_s"] = vector(own.drift_std);
+    out["noise_n"] = number(own.noise);
+    out["noise_without_contact_n"] = number(own.quiet_noise);
+    out["residual_rms_n"] = own.residual_rms;
+    if (std::isfinite(own.torque_factor)) {
+      out["torque_factor"] = own.torque_factor;  // measured by modelled
+      out["torque_residual_rms_mnm"] = own.torque_rms;
+    }
+    if (fit.recordings.size() > 1) out["validation_rms_n"] = number(own.validation_rms);
+    j["recordings"].push_back(out);
+  }
+  j["adequacy"] = Json::array();
+  for (const AdequacyBin& b : fit.adequacy)
+    j["adequacy"].push_back({{"of", b.of},
+                             {"low", b.low},
+                             {"high", b.high},
+                             {"force_factor", b.factor},
+                             {"force_factor_std", b.std}});
+  j["warnings"] = fit.warnings;
+  return j.dump(2) + "\n";
+}
+
+std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
+                                   const FitSources& sources) {
+  Parameters p = base;
+  // With a recorded speed u holds as it is; a drooping handpiece's N0 is then not the median speed.
+  if (!(fit.speed_recorded && p.handpiece.model == HandpieceModel::kDroop))
+    p.handpiece.rotation_rate = fit.rotation_rate;
+  std::string text =
+      "# Fitted by toothprep calibrate " + sources.toothprep_version + " to measured forces.\n";
+  text +=
+      fit.speed_recorded
+          ? "# The rotation rate was recorded, so the specific energies hold as they are.\n"
+          : "# Forces determine u/N: the specific energies hold for the rotation rate below and "
+            "scale with it.\n";
+  char line[300];
+  if (fit.droop && fit.droop->identifiable) {
+    p.handpiece.model = HandpieceModel::kDroop;
+    p.handpiece.stall_rule = StallRule::kTrial;
+    p.handpiece.rotation_rate = fit.droop->rate.value;
+    p.handpiece.stall_torque = fit.droop->stall_torque.value;
+    std::snprintf(line, sizeof line,
+                  "# handpiece: N0 = %.5g +- %.2g rev/s, stall torque %.4g +- %.2g mN m, from the "
+                  "recorded speed\n",
+                  fit.droop->rate.value, fit.droop->rate.std, fit.droop->stall_torque.value,
+                  fit.droop->stall_torque.std);
+    text += line;
+  }
+  for (int k = 0; k < kTissueCount; ++k) {
+    const TissueFit& t = fit.tissue[k];
+    const std::string name(kTissueNames[k]);
+    if (t.identifiable) {
+      p.tissue[k] = {t.u.value, t.alpha.value};
+      std::snprintf(line, sizeof line,
+                    "# %s: u = %.5g +- %.2g J/mm3, alpha = %.4g +- %.2g (standard deviations)\n",
+                    name.c_str(), units::to_joule_per_mm3(t.u.value),
+                    units::to_joule_per_mm3(t.u.std), t.alpha.value, t.alpha.std);
+      text += line;
+    } else if (t.ratio_identifiable) {
+      // The force along n is what was measured; alpha stays the preset's.
+      p.tissue[k].specific_energy = t.u_over_alpha.value * p.tissue[k].force_ratio;
+      std::snprintf(line, sizeof line,
+                    "# %s: only u/alpha = %.5g J/mm3 was measured, alpha is the preset's\n",
+                    name.c_str(), units::to_joule_per_mm3(t.u_over_alpha.value));
+      text += line;
+    } else {
+      text += "# " + name + ": not measured (" + t.why_not + "), the values are the preset's\n";
+    }
+  }
+  return text + to_toml(p);
+}
+
+void write_plot_tables(const FitResult& fit, const std::vector<ComparedRecording>& recordings,
+                       const std::string& folder) {
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const ComparedRecording& rec = recordings[r];
+    const auto modelled = modelled_force(rec, fit.state.own[r], fit.state);
+    CsvWriter csv(folder + "/force-" + std::to_string(r + 1) + ".csv");
+    for (const char* name :
+         {"time_s", "measured_x_N", "measured_y_N", "measured_z_N", "fitted_x_N", "fitted_y_N",
+          "fitted_z_N", "removal_rate_mm3_s", "contact_area_mm2", "axial_feed_cosine"})
+      csv.text(name);
+    csv.end_row();
+    const std::size_t n = rec.time.size(), group = (n + kMostRows - 1) / kMostRows;
+    for (std::size_t begin = 0; begin < n; begin += group) {
+      const std::size_t end = std::min(begin + group, n);
+      Eigen::Matrix<double, 10, 1> row = Eigen::Matrix<double, 10, 1>::Zero();
+      for (std::size_t j = begin; j < end; ++j) {
+        const double place =
+            (rec.time[j] - fit.delay.value - rec.basis->start) / rec.basis->step + 0.5;
+        const auto i = static_cast<std::size_t>(
+            std::clamp(place, 0.0, static_cast<double>(rec.basis->size - 1)));
+        Eigen::Matrix<double, 10, 1> one;
+        one << rec.time[j], rec.force[j], modelled[j], static_cast<double>(rec.basis->removal[i]),
+            static_cast<double>(rec.basis->area[i]), static_cast<double>(rec.basis->axial[i]);
+        row += one / static_cast<double>(end - begin);
+      }
+      for (const double v : row) csv.number(v);
+      csv.end_row();
+    }
+    csv.close();
+  }
+  if (!fit.names.empty()) {
+    CsvWriter csv(folder + "/draws.csv");
+    for (const std::string& name : fit.names) csv.text(name);
+    csv.end_row();
+    for (Eigen::Index i = 0; i < fit.draws.cols(); ++i) {
+      for (Eigen::Index k = 0; k < fit.draws.rows(); ++k)
+        csv.number(k % 2 == 0 ? units::to_joule_per_mm3(fit.draws(k, i)) : fit.draws(k, i));
+      csv.end_row();
+    }
+    csv.close();
+  }
+  CsvWriter csv(folder + "/adequacy.csv");
+  for (const char* name : {"of", "low", "high", "force_factor", "force_factor_std"}) csv.text(name);
+  csv.end_row();
+  for (const AdequacyBin& b : fit.adequacy) {
+    csv.text(b.of);
+    for (const double v : {b.low, b.high, b.factor, b.std}) csv.number(v);
+    csv.end_row();
+  }
+  csv.close();
+}
+
+}  // namespace toothprep

@@ -1,0 +1,45 @@
+#include "toothprep/tools/compare/deviation_file.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep {
+namespace {
+
+constexpr Rgb kOver = {59, 76, 192}, kUnder = {180, 4, 38}, kAgree = {247, 247, 247},
+              kOutside = {168, 168, 168};
+
+}  // namespace
+
+Rgb deviation_colour(double deviation_mm, double limit_mm) {
+  if (std::isnan(deviation_mm)) return kOutside;
+  const double part = std::clamp(std::abs(deviation_mm) / limit_mm, 0.0, 1.0);
+  const Rgb& end = deviation_mm < 0 ? kOver : kUnder;
+  Rgb colour;
+  for (std::size_t k = 0; k < 3; ++k)
+    colour[k] = static_cast<std::uint8_t>(std::lround(kAgree[k] + part * (end[k] - kAgree[k])));
+  return colour;
+}
+
+void write_deviation(const TriangleMesh& prepared, const std::vector<float>& deviation_mm,
+                     const std::string& path, double limit_mm) {
+  const auto ends_in = [&](const char* extension) {
+    return path.size() > 4 && path.compare(path.size() - 4, 4, extension) == 0;
+  };
+  const bool ply = ends_in(".ply");
+  if (!ply && !ends_in(".vtk")) throw Error(path + ": a deviation map is written as .ply or .vtk");
+  VertexAttributes attributes;
+  attributes.scalars.push_back({"deviation_mm", deviation_mm});
+  if (ply) {
+    attributes.scalars.push_back({"quality", deviation_mm});
+    for (float& value : attributes.scalars.back().values)
+      if (std::isnan(value)) value = 0;
+    attributes.colours.reserve(deviation_mm.size());
+    for (const float d : deviation_mm) attributes.colours.push_back(deviation_colour(d, limit_mm));
+  }
+  write_mesh(prepared, path, attributes);
+}
+
+}  // namespace toothprep

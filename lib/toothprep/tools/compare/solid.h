@@ -1,0 +1,57 @@
+// A tooth as the comparison sees it: a layered tooth or a closed mesh, with its surface.
+//
+// Lengths are mm in W. Everything that is compared is first brought onto one lattice, that of the
+// original tooth, and takes the original's anatomy: tissues are those of the original, and what
+// remains of each is max(tissue of the original, solid). So the volumes per tissue of a prepared
+// tooth are known also when it is a bare mesh.
+#pragma once
+
+#include <cmath>
+#include <string>
+
+#include "toothprep/step/tooth/layered_tooth.h"
+#include "toothprep/tools/mesh/surface.h"
+
+namespace toothprep {
+
+struct Solid {
+  std::string file;    // where it came from, for messages
+  std::string sha256;  // of the tooth (tooth_sha256) or of the mesh file
+  LayeredTooth tooth;
+  TriangleMesh surface;
+  bool layered = true;  // has tissues of its own; a mesh is `other` throughout
+
+  // Told by on_lattice():
+  double beyond_box_mm3 = 0;  // what lay beyond the box of the lattice and was cut off
+  // Share of the voxels labelled in both whose labels differ from the original's; NaN where that
+  // can't be asked (a mesh, another lattice).
+  double other_anatomy = NAN;
+};
+
+// A tooth file (.vdb), or a closed mesh (.stl, .ply, .obj, .off) that becomes voxels of `voxel` mm.
+// The surface of a tooth is extract_surface(); that of a mesh is the mesh itself, its edges halved
+// until none is longer than two voxels, so that figures per vertex are dense. Throws InputError
+// for what can't be read, another extension, a mesh that does not bound a solid (holes, flipped
+// faces, intersections), or a tooth of which nothing is left.
+Solid read_solid(const std::string& path, double voxel);
+
+// A tooth in memory, as if it had been read.
+Solid solid_of(std::string name, LayeredTooth tooth);
+
+// `solid`, moved rigidly by `motion` (its frame to the original's), on the original's lattice and
+// box, with the original's anatomy. Voxels are copied where the lattices coincide and nothing
+// moves; else a tooth is resampled (trilinear, which rounds edges within a voxel) and a mesh is
+// voxelized anew (exact distances). The surface is moved, not resampled.
+Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion = {});
+
+// Whether on_lattice() would copy.
+bool same_lattice(const Lattice& a, const Lattice& b);
+bool is_identity(const Pose& motion);
+
+// The surface with its edges halved until none is longer than `longest` mm; the same points of
+// space, still closed.
+TriangleMesh with_short_edges(TriangleMesh surface, double longest);
+
+TriangleMesh moved(TriangleMesh surface, const Pose& motion);
+
+}  // namespace toothprep

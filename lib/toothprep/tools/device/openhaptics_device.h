@@ -1,0 +1,28 @@
+// Phantom devices (Desktop, Omni, Touch, Premium) through the vendor's OpenHaptics library, which
+// is opened at run time (libhd.h). Position and force are its own: mm and N in frame D.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "toothprep/tools/device/haptic_device.h"
+
+namespace toothprep {
+
+struct OpenHapticsSettings {
+  std::string name;                        // as configured in the driver; empty: its default device
+  std::optional<std::string> mirror_name;  // a second device: read only, no force
+  std::string library;                     // empty: as load_libhd() finds it
+  // Hz; empty: the driver's. Devices know 500, 1000, and 2000 (EPP, PCI) or 1600 (FireWire).
+  std::optional<long> rate;
+  double ramp = 0.25;            // s, of the force after a start or a fault; 0: none
+  double zero_force_wait = 0.2;  // s, the longest that stop() waits for a tick of zero force
+};
+
+// Opens the device (or both), asks for its limits, and leaves the force off. One at a time per
+// process, since the driver has one servo loop. Throws Error for a library that can't be opened and
+// for a device that the driver doesn't open, with the driver's reason.
+std::unique_ptr<HapticDevice> open_openhaptics(const OpenHapticsSettings& settings = {});
+
+}  // namespace toothprep

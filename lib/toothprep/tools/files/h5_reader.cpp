@@ -1,0 +1,333 @@
+#include "toothprep/tools/files/h5_reader.h"
+
+#include <hdf5.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/core/tissue.h"
+#include "toothprep/tools/trajectory/trajectory.h"
+
+namespace toothprep::h5 {
+namespace {
+
+constexpr hsize_t kLargestChunk = 256u << 20;  // bytes, which HDF5 allocates to read one
+
+std::string shape_text(const std::vector<std::uint64_t>& size) {
+  std::string text;
+  for (const std::uint64_t n : size) text += (text.empty() ? "" : " x ") + std::to_string(n);
+  return text.empty() ? "a single value" : text;
+}
+
+}  // namespace
+
+std::string printable(std::string text) {
+  text = text.substr(0, 60);
+  for (char& c : text)
+    if (c < ' ' || c > '~') c = '?';
+  return text;
+}
+
+Reader::Reader(const std::string& path) : path_(path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error))
+    throw InputError(path, "", "does not exist", "check the file's name");
+  if (std::filesystem::is_directory(path, error))
+    throw InputError(path, "", "is a folder", "give an HDF5 file (.h5)");
+  if (H5Fis_hdf5(path.c_str()) <= 0)
+    throw InputError(path, "", "is not an HDF5 file or cannot be read",
+                     "give a trace or a trajectory (.h5)");
+  file_ = Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
+  if (!file_) {
+    file_ =
+        Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT), H5Fclose);
+    growing_ = true;
+  }
+  if (!file_)
+    throw InputError(path, "", "is truncated, damaged or being written", "record it again");
+  // A recorder that was stopped early closes its file, and says that it isn't complete.
+  if (!growing_ && H5Aexists(file_.get(), "complete") > 0)
+    growing_ = number("live").value_or(0) == 1 && number("complete") == 0.0;
+}
+
+bool Reader::has(const std::string& name) const {
+  for (std::size_t slash = 1; slash != 0;) {
+    slash = name.find('/', slash);
+    const std::string part = name.substr(0, slash);
+    if (H5Lexists(file_.get(), part.c_str(), H5P_DEFAULT) <= 0 ||
+        H5Oexists_by_name(file_.get(), part.c_str(), H5P_DEFAULT) <= 0)
+      return false;
+    slash = slash == std::string::npos ? 0 : slash + 1;
+  }
+  return true;
+}
+
+void Reader::refuse(const std::string& place, const std::string& condition,
+                    const std::string& remedy) const {
+  throw InputError(path_, place, condition, remedy);
+}
+
+void Reader::cut_to_shortest(const std::vector<std::string>& names) {
+  if (!growing_) return;
+  for (const std::string& name : names) {
+    if (!has(name)) continue;
+    const Set set{
+        Handle(H5Oopen(file_.get(), name.c_str(), H5P_DEFAULT), H5Oclose), name, 0, 0, {}};
+    if (!set.handle || H5Iget_type(set.handle.get()) != H5I_DATASET) continue;  // open() refuses it
+    const std::vector<std::uint64_t> size = extent(set);
+    if (size.empty()) continue;
+    if (size[0] == 0)
+      refuse(name, "holds no rows", "the recording has just begun, or was cut off at once");
+    rows_ = std::min<std::uint64_t>(size[0], rows_.value_or(kMostSamples));
+  }
+}
+
+Reader::Set Reader::open(const std::string& name, const char* unit, int width, bool unit_required,
+                         bool per_tissue) {
+  Set set{Handle(H5Oopen(file_.get(), name.c_str(), H5P_DEFAULT), H5Oclose), name, width, 0, {}};
+  if (!set.handle || H5Iget_type(set.handle.get()) != H5I_DATASET) refuse(name, "is not a dataset");
+  check_type(set);
+  const std::vector<std::uint64_t> size = extent(set);
+  const std::uint64_t rows = check_shape(set, size, per_tissue);
+  if (rows > kMostSamples)
+    refuse(name,
+           "claims " + std::to_string(rows) + " rows, more than " + std::to_string(kMostSamples),
+           "cut the recording into pieces");
+  set.rows = static_cast<std::size_t>(rows);
+  if (!rows_) rows_ = set.rows;
+  if (growing_ ? rows < *rows_ : rows != *rows_)
+    refuse(name, "has " + std::to_string(rows) + " rows where /time has " + std::to_string(*rows_));
+  check_storage(set);
+  check_unit(set, unit, unit_required);
+  return set;
+}
+
+std::vector<double> Reader::values_of(const Set& set) const {
+  std::vector<double> values(*rows_ * static_cast<std::size_t>(set.width));
+  Handle stored, memory;  // neither: all
+  if (set.rows != *rows_) {
+    std::vector<hsize_t> count;
+    for (const std::uint64_t n : extent(set)) count.push_back(n == set.rows ? *rows_ : n);
+    const std::vector<hsize_t> start(count.size(), 0);
+    const hsize_t total = values.size();
+    stored = Handle(H5Dget_space(set.handle.get()), H5Sclose);
+    memory = Handle(H5Screate_simple(1, &total, nullptr), H5Sclose);
+    H5Sselect_hyperslab(stored.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
+  }
+  if (H5Dread(set.handle.get(), H5T_NATIVE_DOUBLE, memory ? memory.get() : H5S_ALL,
+              stored ? stored.get() : H5S_ALL, H5P_DEFAULT, values.data()) < 0)
+    refuse(set.name, "cannot be read: the file is damaged", "record it again");
+  return values;
+}
+
+std::vector<double> Reader::read(const Set& set) const {
+  const std::vector<double> values = values_of(set);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (!std::isfinite(values[i]))
+      refuse(set.name + ", row " + std::to_string(i / static_cast<std::size_t>(set.width)),
+             "is not finite");
+  return values;
+}
+
+std::vector<double> Reader::read_time() {
+  if (!has("/time")) refuse("/time", "is missing");
+  const Set set = open("/time", "s", 1, true);
+  if (growing_) {  // after a power failure the last rows may never have been written
+    const std::vector<double> time = values_of(set);
+    std::size_t good = 1;
+    while (good < time.size() && time[good] > time[good - 1] && std::isfinite(time[good])) ++good;
+    rows_ = good;
+  }
+  const std::vector<double> time = read(set);
+  for (std::size_t i = 1; i < time.size(); ++i)
+    if (!(time[i] > time[i - 1]))
+      refuse("/time, row " + std::to_string(i), "time does not increase");
+  return time;
+}
+
+std::optional<std::string> Reader::text(const char* name) const {
+  return text(file_.get(), name, "/");
+}
+
+std::string Reader::require_text(const char* name) const {
+  const auto value = text(name);
+  if (!value) refuse(std::string("attribute ") + name, "is missing");
+  return *value;
+}
+
+std::optional<double> Reader::number(const char* name) const {
+  if (H5Aexists(file_.get(), name) <= 0) return {};
+  const Handle attribute(H5Aopen(file_.get(), name, H5P_DEFAULT), H5Aclose);
+  const Handle type(H5Aget_type(attribute.get()), H5Tclose);
+  const Handle space(H5Aget_space(attribute.get()), H5Sclose);
+  double value = 0;
+  const H5T_class_t kind = H5Tget_class(type.get());
+  if ((kind != H5T_FLOAT && kind != H5T_INTEGER) ||
+      H5Sget_simple_extent_npoints(space.get()) != 1 ||
+      H5Aread(attribute.get(), H5T_NATIVE_DOUBLE, &value) < 0)
+    refuse(std::string("attribute ") + name, "must be one number");
+  return value;
+}
+
+double Reader::require_number(const char* name) const {
+  const auto value = number(name);
+  if (!value) refuse(std::string("attribute ") + name, "is missing");
+  return *value;
+}
+
+std::optional<std::vector<double>> Reader::numbers(const char* name, std::size_t count) const {
+  if (H5Aexists(file_.get(), name) <= 0) return {};
+  const Handle attribute(H5Aopen(file_.get(), name, H5P_DEFAULT), H5Aclose);
+  const Handle type(H5Aget_type(attribute.get()), H5Tclose);
+  const Handle space(H5Aget_space(attribute.get()), H5Sclose);
+  std::vector<double> values(count);
+  const H5T_class_t kind = H5Tget_class(type.get());
+  if ((kind != H5T_FLOAT && kind != H5T_INTEGER) ||
+      H5Sget_simple_extent_npoints(space.get()) != static_cast<hssize_t>(count) ||
+      H5Aread(attribute.get(), H5T_NATIVE_DOUBLE, values.data()) < 0)
+    refuse(std::string("attribute ") + name, "must be " + std::to_string(count) + " numbers");
+  return values;
+}
+
+Quat Reader::quaternion(const std::string& dataset, std::size_t row, const double* v) const {
+  Quat orientation;
+  if (!accept_quaternion(Quat(v[3], v[0], v[1], v[2]), orientation))
+    refuse(dataset + ", row " + std::to_string(row), "is not a unit quaternion (x, y, z, w)");
+  return orientation;
+}
+
+double Reader::whole_number(const std::string& dataset, std::size_t row, double value, double least,
+                            double most) const {
+  if (!(value >= least && value <= most && value == std::floor(value)))
+    refuse(dataset + ", row " + std::to_string(row),
+           least == 0 ? "must be a whole number of 0 or more" : "must be a whole number");
+  return value;
+}
+
+void Reader::check_type(const Set& set) const {
+  const Handle type(H5Dget_type(set.handle.get()), H5Tclose);
+  const H5T_class_t kind = H5Tget_class(type.get());  // booleans are stored as enumerations
+  if ((kind != H5T_FLOAT && kind != H5T_INTEGER && kind != H5T_ENUM) ||
+      H5Tget_size(type.get()) > 16)
+    refuse(set.name, "must hold numbers");
+}
+
+std::vector<std::uint64_t> Reader::extent(const Set& set) const {
+  const Handle space(H5Dget_space(set.handle.get()), H5Sclose);
+  if (H5Sget_simple_extent_type(space.get()) == H5S_NULL) refuse(set.name, "is empty");
+  const int dimensions = H5Sget_simple_extent_ndims(space.get());
+  if (dimensions < 0 || dimensions > H5S_MAX_RANK) refuse(set.name, "has no readable shape");
+  hsize_t size[H5S_MAX_RANK] = {};
+  if (dimensions > 0) H5Sget_simple_extent_dims(space.get(), size, nullptr);
+  return {size, size + dimensions};
+}
+
+std::uint64_t Reader::check_shape(Set& set, const std::vector<std::uint64_t>& size,
+                                  bool per_tissue) const {
+  if (per_tissue) {
+    set.tissues = tissues_of(set);
+    set.width = static_cast<int>(set.tissues.size());
+  }
+  std::uint64_t rows = 0;
+  const auto width = static_cast<std::uint64_t>(set.width);
+  if (size.size() == 1 && width == 1 && !per_tissue)
+    rows = size[0];
+  else if (size.size() == 2 && size[1] == width)
+    rows = size[0];
+  else if (size.size() == 2 && width == 1 && size[0] == 1)
+    rows = size[1];  // how MATLAB stores a column
+  else
+    refuse(set.name, "is " + shape_text(size) + ", must be T x " + std::to_string(width),
+           size.size() == 2 && size[0] == width ? "it is transposed: MATLAB writes its arrays so"
+                                                : "T is the number of samples");
+  if (rows == 0) refuse(set.name, "holds no rows");
+  return rows;
+}
+
+void Reader::check_storage(const Set& set) const {
+  const Handle creation(H5Dget_create_plist(set.handle.get()), H5Pclose);
+  if (H5Pget_layout(creation.get()) == H5D_CHUNKED) {
+    hsize_t chunk[H5S_MAX_RANK] = {};
+    const int dimensions = H5Pget_chunk(creation.get(), H5S_MAX_RANK, chunk);
+    const Handle type(H5Dget_type(set.handle.get()), H5Tclose);
+    double bytes = static_cast<double>(H5Tget_size(type.get()));
+    for (int i = 0; i < dimensions; ++i) bytes *= static_cast<double>(chunk[i]);
+    if (!(bytes <= static_cast<double>(kLargestChunk)))
+      refuse(set.name, "is stored in chunks of more than 256 MB", "store it in smaller chunks");
+  }
+  if (H5Dget_storage_size(set.handle.get()) == 0 && H5Pget_layout(creation.get()) != H5D_VIRTUAL &&
+      H5Pget_external_count(creation.get()) <= 0)
+    refuse(set.name, "holds no data", "was the recording cut off?");
+}
+
+void Reader::check_unit(const Set& set, const char* unit, bool required) const {
+  const auto given = text(set.handle.get(), "units", set.name);
+  if (!given && required)
+    refuse(set.name, "has no attribute `units`", std::string("it must be \"") + unit + "\"");
+  if (given && *given != unit)
+    refuse(set.name, "is in \"" + printable(*given) + "\", must be in \"" + unit + "\"",
+           "convert it");
+}
+
+std::vector<int> Reader::tissues_of(const Set& set) const {
+  const std::string place = set.name + ", attribute tissues";
+  if (H5Aexists(set.handle.get(), "tissues") <= 0) refuse(place, "is missing");
+  const Handle attribute(H5Aopen(set.handle.get(), "tissues", H5P_DEFAULT), H5Aclose);
+  std::vector<int> order;
+  for (const std::string& name : strings(attribute, place, kTissueCount)) {
+    const auto tissue = tissue_named(name);
+    if (!tissue) refuse(place, "names an unknown tissue '" + printable(name) + "'");
+    if (std::find(order.begin(), order.end(), tissue_index(*tissue)) != order.end())
+      refuse(place, "names '" + name + "' twice");
+    order.push_back(tissue_index(*tissue));
+  }
+  return order;
+}
+
+std::optional<std::string> Reader::text(Id object, const char* name,
+                                        const std::string& owner) const {
+  if (H5Aexists(object, name) <= 0) return {};
+  const Handle attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
+  return strings(attribute, owner + ", attribute " + name, 1).front();
+}
+
+// 1 .. `most` strings, of fixed or variable length.
+std::vector<std::string> Reader::strings(const Handle& attribute, const std::string& place,
+                                         std::int64_t most) const {
+  constexpr std::size_t kLongestText = 1 << 20;
+  const Handle type(H5Aget_type(attribute.get()), H5Tclose);
+  const Handle space(H5Aget_space(attribute.get()), H5Sclose);
+  const hssize_t count = H5Sget_simple_extent_npoints(space.get());
+  if (H5Tget_class(type.get()) != H5T_STRING) refuse(place, "must be text");
+  if (count < 1 || count > most)
+    refuse(place, "must hold " + (most == 1 ? std::string("one text")
+                                            : "1 to " + std::to_string(most) + " texts"));
+  std::vector<std::string> result;
+  if (H5Tis_variable_str(type.get()) > 0) {
+    const Handle memory(H5Tcopy(H5T_C_S1), H5Tclose);
+    H5Tset_size(memory.get(), H5T_VARIABLE);
+    H5Tset_cset(memory.get(), H5Tget_cset(type.get()));
+    std::vector<char*> texts(static_cast<std::size_t>(count), nullptr);
+    const bool ok = H5Aread(attribute.get(), memory.get(), texts.data()) >= 0;
+    for (char* t : texts) {
+      result.emplace_back(ok && t ? t : "");
+      if (ok && t) H5free_memory(t);
+    }
+    if (!ok) refuse(place, "cannot be read: the file is damaged");
+  } else {
+    const std::size_t size = H5Tget_size(type.get());
+    if (size > kLongestText) refuse(place, "is longer than 1 MB");
+    std::vector<char> characters(size * static_cast<std::size_t>(count));
+    if (H5Aread(attribute.get(), type.get(), characters.data()) < 0)
+      refuse(place, "cannot be read: the file is damaged");
+    for (hssize_t i = 0; i < count; ++i) {
+      std::string t(characters.data() + static_cast<std::size_t>(i) * size, size);
+      t = t.substr(0, t.find('\0'));
+      if (H5Tget_strpad(type.get()) == H5T_STR_SPACEPAD) t.erase(t.find_last_not_of(' ') + 1);
+      result.push_back(t);
+    }
+  }
+  return result;
+}
+
+}  // namespace toothprep::h5

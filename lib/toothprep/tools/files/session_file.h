@@ -1,0 +1,72 @@
+// Recordings of live sessions (.h5): a trace (trace.h) with what the device did beside it.
+//
+// While a session runs the file grows: it is opened for writing by one and reading by many (HDF5's
+// SWMR; h5py.File(f, "r", swmr=True)), flushed every half second, so that a program that is killed
+// loses no more than that. Beyond the datasets of a trace, a row per tick:
+//
+//   /servo/time               s      when the tick began, since the servo's start
+//   /servo/tick, /servo/missed       the device's count; periods without a tick before this one
+//   /servo/step_time          s      CPU time of the tick's work
+//   /servo/flags, /servo/fault       LiveFlag, DeviceFault
+//   /servo/force_commanded    N x3   frame D, after all limits
+//   /servo/force_sent         N x3   frame D, what the device sent in the tick before
+//   /servo/force_scale        1      of the device's ramp
+//   /device/position          mm x3, /device/orientation x4 (x, y, z, w), /device/buttons   frame
+//   D, as read /mirror/position, /mirror/orientation, /mirror/buttons       if there is a second
+//   device
+//
+// and root attributes: live = 1, complete (0 until it was closed), device_* (identity and limits),
+// registration_* (D to W), dropped_ticks, end_reason.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/core/geometry.h"
+#include "toothprep/tools/files/trace.h"
+
+namespace toothprep {
+
+// What a session knows before its first tick. Limits in the units of haptic_device.h.
+struct SessionHeader {
+  Trace trace;              // parameters, hashes, bur, drive, engine; no rows
+  std::string device_kind;  // "openhaptics" or "simulated"
+  std::string device_name, device_model, device_vendor, device_driver, device_serial,
+      device_firmware;
+  std::string mirror_model;  // empty: no second device
+  double rate_hz = 0, max_force_n = 0, max_continuous_force_n = 0, max_stiffness_n_per_mm = 0,
+         max_damping_n_s_per_mm = 0;
+  Vec3 workspace_min = Vec3::Zero(), workspace_max = Vec3::Zero();  // mm, D
+  std::vector<std::string> limit_notes;
+  double force_limit_n = 0, force_rate_limit_n_per_s = 0;  // the session's own
+  Pose registration;                                       // D to W; of the start
+  std::string protocol;  // of an active check: "rest", "step", ...; empty: a free session
+  std::string pedal;     // which button starts the bur: "1", "2", "none"
+  std::string host;      // machine, kernel, scheduling: a line
+};
+
+struct SessionRecording {
+  SessionHeader header;  // its trace has the rows and, if the session was closed, the audit
+  bool complete = false;
+  std::int64_t dropped_ticks = 0;  // that the recorder couldn't keep up with; 0 if not complete
+  std::string end_reason;          // "duration", "signal", a fault's line, ...; empty if killed
+
+  // A value per row of header.trace.rows; row 0 is the first tick.
+  std::vector<double> servo_time, step_seconds, force_scale;
+  std::vector<std::int64_t> tick;
+  std::vector<std::int32_t> missed;
+  std::vector<std::uint32_t> flags, fault, device_buttons, mirror_buttons;
+  std::vector<Vec3> force_commanded, force_sent, device_position, mirror_position;
+  std::vector<Quat> device_orientation, mirror_orientation;  // mirror: empty if there is none
+};
+
+// Whether it is the recording of a live session. Throws InputError if it can't be read at all.
+bool is_session_file(const std::string& path);
+
+// Reads a recording, also one that is being written or whose program was killed: rows up to the
+// last flush. Throws InputError as read_trace does.
+SessionRecording read_session(const std::string& path);
+
+}  // namespace toothprep

@@ -1,0 +1,301 @@
+#include "toothprep/tools/files/session_recorder.h"
+
+#include <pthread.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <vector>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/session_columns.h"
+#include "toothprep/tools/files/trace_parts.h"
+
+namespace toothprep {
+namespace {
+
+// Between two looks into the ring, or between two flushes if these are more frequent.
+constexpr std::chrono::milliseconds kPoll{50};
+
+std::vector<double> list(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+void write_head(h5::Writer& out, const SessionHeader& header) {
+  const double not_yet = std::numeric_limits<double>::quiet_NaN();
+  Trace trace;  // without rows
+  trace.parameters_toml = header.trace.parameters_toml;
+  trace.tooth_sha256 = header.trace.tooth_sha256;
+  trace.toothprep_version = header.trace.toothprep_version;
+  trace.bur = header.trace.bur;
+  trace.drive = header.trace.drive;
+  trace.engine = header.trace.engine;
+  trace.initial_overlap_mm3 = header.trace.initial_overlap_mm3;
+  trace.audit = {not_yet, not_yet, not_yet};
+  write_trace_head(out, trace);
+
+  out.integer("live", 1);
+  out.integer("complete", 0);
+  out.integer("dropped_ticks", 0);
+  out.text("end_reason", "");
+  out.text("device_kind", header.device_kind);
+  out.text("device_name", header.device_name);
+  out.text("device_model", header.device_model);
+  out.text("device_vendor", header.device_vendor);
+  out.text("device_driver", header.device_driver);
+  out.text("device_serial", header.device_serial);
+  out.text("device_firmware", header.device_firmware);
+  out.text("mirror_model", header.mirror_model);
+  out.number("device_rate_hz", header.rate_hz);
+  out.number("device_max_force_n", header.max_force_n);
+  out.number("device_max_continuous_force_n", header.max_continuous_force_n);
+  out.number("device_max_stiffness_n_per_mm", header.max_stiffness_n_per_mm);
+  out.number("device_max_damping_n_s_per_mm", header.max_damping_n_s_per_mm);
+  out.numbers("device_workspace_min_mm", list(header.workspace_min));
+  out.numbers("device_workspace_max_mm", list(header.workspace_max));
+  std::string notes;
+  for (const std::string& note : header.limit_notes) notes += (notes.empty() ? "" : "\n") + note;
+  out.text("device_limit_notes", notes);
+  out.number("force_limit_n", header.force_limit_n);
+  out.number("force_rate_limit_n_per_s", header.force_rate_limit_n_per_s);
+  const Quat& q = header.registration.orientation;
+  out.numbers("registration_position_mm", list(header.registration.position));
+  out.numbers("registration_orientation", {q.x(), q.y(), q.z(), q.w()});
+  out.text("protocol", header.protocol);
+  out.text("pedal", header.pedal);
+  out.text("host", header.host);
+}
+
+// A value per column, before they are gathered by column.
+constexpr int kMostWidth = 4;
+
+bool make_readable(double* v, int width, bool is_quaternion) {
+  bool good = true;
+  for (int c = 0; c < width; ++c) good = good && std::isfinite(v[c]);
+  Quat ignored;
+  if (good && is_quaternion) good = accept_quaternion(Quat(v[3], v[0], v[1], v[2]), ignored);
+  if (good) return true;
+  for (int c = 0; c < width; ++c)
+    if (is_quaternion || !std::isfinite(v[c])) v[c] = 0;
+  if (is_quaternion) v[3] = 1;
+  return false;
+}
+
+bool is_quaternion(const char* dataset) { return std::strstr(dataset, "orientation") != nullptr; }
+
+}  // namespace
+
+// The file and the rows that aren't in it yet.
+class SessionRecorder::File {
+ public:
+  File(const std::string& path, const SessionHeader& header) : out_(path) {
+    write_head(out_, header);
+    for (const char* group : {"/servo", "/device"}) out_.group(group);
+    if (!header.mirror_model.empty()) out_.group("/mirror");
+    for (const TraceColumn& c : trace_columns())
+      columns_.push_back({out_.column(c.dataset, c.unit, c.width, c.storage,
+                                      c.per_tissue ? tissue_columns() : std::vector<std::string>{}),
+                          c.width,
+                          !c.per_tissue && is_quaternion(c.dataset),
+                          c.get,
+                          nullptr,
+                          {}});
+    for (const SessionColumn& c : session_columns())
+      if (!c.mirror || !header.mirror_model.empty())
+        columns_.push_back({out_.column(c.dataset, c.unit, c.width, c.storage),
+                            c.width,
+                            is_quaternion(c.dataset),
+                            nullptr,
+                            c.get,
+                            {}});
+    values_.resize(columns_.size());
+    for (std::size_t i = 0; i < columns_.size(); ++i)
+      if (columns_[i].tick_values &&
+          std::strcmp(session_columns()[i - trace_columns().size()].dataset, "/servo/flags") == 0)
+        flags_ = i;
+    out_.start();
+  }
+
+  // False: not a row that could follow.
+  bool add(const LiveTick& tick) {
+    if (!(tick.row.handle.time > last_time_) || !std::isfinite(tick.row.handle.time)) return false;
+    last_time_ = tick.row.handle.time;
+    bool good = true;
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      const Column& c = columns_[i];
+      double* v = values_[i].data();
+      c.row_values ? c.row_values(tick.row, v) : c.tick_values(tick, v);
+      good = make_readable(v, c.width, c.quaternion) && good;
+    }
+    if (!good) values_[flags_][0] = tick.flags | kForceNotFinite;
+    for (std::size_t i = 0; i < columns_.size(); ++i)
+      columns_[i].waiting.insert(columns_[i].waiting.end(), values_[i].begin(),
+                                 values_[i].begin() + columns_[i].width);
+    ++waiting_;
+    return true;
+  }
+
+  std::int64_t waiting() const { return waiting_; }
+
+  void write() {
+    const auto lock = h5::lock_hdf5();
+    const h5::Quiet quiet;
+    for (Column& c : columns_) {
+      out_.append(c.index, c.waiting);
+      c.waiting.clear();
+    }
+    out_.flush();
+    waiting_ = 0;
+  }
+
+  void finish(const SessionEnd& end, std::int64_t dropped) {
+    const auto lock = h5::lock_hdf5();
+    const h5::Quiet quiet;
+    out_.set_number("torque_work_mJ", end.audit.torque_work_mj);
+    out_.set_number("removed_energy_mJ", end.audit.removed_energy_mj);
+    out_.set_number("energy_ratio", end.audit.energy_ratio);
+    out_.set_number("dropped_ticks", static_cast<double>(dropped));
+    out_.set_text("end_reason", end.reason);
+    out_.flush();
+    out_.set_number("complete", 1);
+    out_.close();
+  }
+
+  void close() {
+    const auto lock = h5::lock_hdf5();
+    const h5::Quiet quiet;
+    out_.close();
+  }
+
+  void abandon() noexcept {
+    const auto lock = h5::lock_hdf5();
+    const h5::Quiet quiet;
+    out_.abandon();
+  }
+
+ private:
+  struct Column {
+    std::size_t index = 0;
+    int width = 1;
+    bool quaternion = false;
+    void (*row_values)(const StepRecord&, double*) = nullptr;
+    void (*tick_values)(const LiveTick&, double*) = nullptr;
+    std::vector<double> waiting;
+  };
+  h5::GrowingWriter out_;
+  std::vector<Column> columns_;
+  std::vector<std::array<double, kMostWidth>> values_;  // of one tick, by column
+  std::size_t flags_ = 0;
+  double last_time_ = -std::numeric_limits<double>::infinity();
+  std::int64_t waiting_ = 0;
+};
+
+SessionRecorder::SessionRecorder(const std::string& path, const SessionHeader& header,
+                                 const RecorderOptions& options)
+    : path_(path), flush_s_(options.flush_s), ring_(options.capacity) {
+  std::error_code error;
+  std::filesystem::remove(path, error);  // who still reads the old one keeps it
+  try {
+    const auto lock = h5::lock_hdf5();
+    const h5::Quiet quiet;
+    file_ = std::make_unique<File>(path, header);
+  } catch (const Error&) {
+    std::filesystem::remove(path, error);
+    throw;
+  }
+  // Signals are for the threads that expect them. SIGXFSZ would end the program where a write that
+  // fails stops the recording.
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  thread_ = std::thread([this] { run(); });
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+SessionRecorder::~SessionRecorder() {
+  stop_thread();
+  if (!file_) return;
+  try {
+    file_->close();
+  } catch (const Error&) {
+    file_->abandon();
+  }
+}
+
+bool SessionRecorder::push(const LiveTick& tick) noexcept {
+  if (failed_.load(std::memory_order_relaxed)) return false;
+  if (ring_.push(tick)) return true;
+  dropped_.fetch_add(1, std::memory_order_relaxed);
+  return false;
+}
+
+std::optional<std::string> SessionRecorder::failure() const {
+  const std::scoped_lock guard(mutex_);
+  return failure_.empty() ? std::nullopt : std::optional(failure_);
+}
+
+void SessionRecorder::finish(const SessionEnd& end) {
+  stop_thread();
+  if (const auto why = failure()) throw Error(*why);
+  if (!file_) throw Error(path_ + ": the recording was finished before");
+  try {
+    file_->finish(end, dropped());
+    file_.reset();
+  } catch (const Error& e) {
+    fail(e.what());
+    throw Error(*failure());
+  }
+}
+
+void SessionRecorder::run() noexcept {
+  using Clock = std::chrono::steady_clock;
+  const auto period =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(flush_s_));
+  const auto poll = std::min<Clock::duration>(kPoll, period);
+  auto next_flush = Clock::now();  // the first ticks at once: from then on the file can be read
+  try {
+    for (bool last = false; !last;) {
+      {
+        std::unique_lock guard(mutex_);
+        wake_.wait_for(guard, poll, [this] { return stop_; });
+        last = stop_;  // what was pushed before it was set is taken below
+      }
+      ring_.consume([this](const LiveTick& tick) {
+        if (!file_->add(tick)) dropped_.fetch_add(1, std::memory_order_relaxed);
+      });
+      const auto now = Clock::now();
+      if (file_->waiting() == 0 || !(last || now >= next_flush)) continue;
+      const std::int64_t count = file_->waiting();
+      file_->write();
+      rows_.fetch_add(count, std::memory_order_relaxed);
+      next_flush = now + period;
+    }
+  } catch (const std::exception& e) {
+    fail(e.what());
+  }
+}
+
+void SessionRecorder::stop_thread() noexcept {
+  if (!thread_.joinable()) return;
+  {
+    const std::scoped_lock guard(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_one();
+  thread_.join();
+}
+
+void SessionRecorder::fail(const std::string& why) noexcept {
+  file_->abandon();
+  file_.reset();
+  {
+    const std::scoped_lock guard(mutex_);
+    failure_ = why + " Its first " + std::to_string(rows()) + " rows can be read";
+  }
+  failed_.store(true, std::memory_order_relaxed);
+}
+
+}  // namespace toothprep

@@ -1,0 +1,469 @@
+#include "toothprep/tools/files/tooth_file.h"
+
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/Stream.h>
+#include <openvdb/openvdb.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <vector>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+
+namespace toothprep {
+namespace {
+
+using openvdb::FloatGrid;
+using openvdb::Int32Grid;
+
+constexpr const char* kSchema = "toothprep-tooth";
+constexpr int kSchemaVersion = 1;
+constexpr const char* kSchemaKey = "toothprep_schema";
+constexpr const char* kVersionKey = "toothprep_schema_version";
+constexpr const char* kVoxelKey = "voxel_mm";
+constexpr const char* kHashKey = "tooth_sha256";
+constexpr const char* kVolumePrefix = "volume_mm3_";
+constexpr std::array<const char*, 4> kLevelSetNames = {"solid", "enamel", "dentin", "pulp"};
+
+LevelSet& level_set(LayeredTooth& tooth, int k) {
+  return k == 0 ? tooth.solid : tooth.remains[k - 1];
+}
+const LevelSet& level_set(const LayeredTooth& tooth, int k) {
+  return k == 0 ? tooth.solid : tooth.remains[k - 1];
+}
+
+std::string text_of(double value) {
+  std::ostringstream out;
+  out.precision(9);
+  out << value;
+  return out.str();
+}
+
+// ---- The archive's id. OpenVDB puts a random UUID (version 4) at a fixed place of the header.
+// Ours is of version 8 (RFC 9562: free to derive) and holds 122 bits of the SHA-256 over the file
+// with the id blanked out. So equal teeth make equal files, and a damaged file is known before
+// OpenVDB, whose reader trusts the counts that it finds, gets to parse it.
+
+constexpr std::size_t kIdOffset = 21;  // magic 8, file version 4, library version 8, offsets flag 1
+constexpr std::size_t kIdLength = 36;
+constexpr std::size_t kIdVersionDigit = 14;
+
+bool looks_like_uuid(const char* text) {
+  for (std::size_t i = 0; i < kIdLength; ++i) {
+    const bool dash = i == 8 || i == 13 || i == 18 || i == 23;
+    if (dash ? text[i] != '-' : !std::isxdigit(static_cast<unsigned char>(text[i]))) return false;
+  }
+  return true;
+}
+
+std::string id_of_content(const std::vector<char>& file) {
+  const std::string blank(kIdLength, '0');
+  Sha256 hash;
+  hash.update(file.data(), kIdOffset);
+  hash.update(blank.data(), blank.size());
+  hash.update(file.data() + kIdOffset + kIdLength, file.size() - kIdOffset - kIdLength);
+  std::string id = hash.hex().substr(0, 32);
+  id[12] = '8';
+  id[16] = '8';
+  for (const std::size_t dash : {8, 13, 18, 23}) id.insert(dash, "-");
+  return id;
+}
+
+std::vector<char> bytes_of(const std::string& path) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error))
+    throw InputError(path, "", "is a folder", "give a tooth file (.vdb)");
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  if (!in)
+    throw InputError(path, "",
+                     std::filesystem::exists(path, error) ? "cannot be read" : "not found");
+  const auto size = static_cast<std::streamoff>(in.tellg());
+  if (size < 0) throw InputError(path, "", "cannot be read");
+  std::vector<char> bytes(static_cast<std::size_t>(size));
+  in.seekg(0);
+  in.read(bytes.data(), size);
+  if (!in && size > 0) throw InputError(path, "", "cannot be read");
+  return bytes;
+}
+
+// ---- Writing
+
+openvdb::math::Transform::Ptr transform_of(const Lattice& lattice) {
+  auto transform = openvdb::math::Transform::createLinearTransform(lattice.voxel);
+  transform->postTranslate(
+      openvdb::Vec3d(lattice.origin.x(), lattice.origin.y(), lattice.origin.z()));
+  return transform;
+}
+
+// Copies bricks to leaves (same layout); uniform bricks become tiles. `is_active` says which voxels
+// are.
+template <class Grid, class T, class IsActive>
+void fill_tree(Grid& grid, const BrickGrid<T>& bricks, IsActive is_active) {
+  using Leaf = typename Grid::TreeType::LeafNodeType;
+  openvdb::tree::ValueAccessor<typename Grid::TreeType> tree(grid.tree());
+  for (std::size_t b = 0; b < bricks.table_size(); ++b) {
+    const Index3 first = bricks.brick_origin(b);
+    const openvdb::Coord origin(first.x(), first.y(), first.z());
+    const T* values = bricks.brick(b);
+    const bool uniform = bricks.is_uniform(b) || std::all_of(values, values + kBrickVoxels,
+                                                             [&](T v) { return v == values[0]; });
+    if (uniform) {
+      if (values[0] != bricks.background())
+        tree.addTile(1, origin, static_cast<typename Grid::ValueType>(values[0]),
+                     is_active(values[0]));
+      continue;
+    }
+    Leaf* leaf = tree.touchLeaf(origin);
+    std::copy(values, values + kBrickVoxels, leaf->buffer().data());
+    auto mask = leaf->getValueMask();
+    for (openvdb::Index word = 0; word < 8; ++word) {
+      openvdb::Index64 bits = 0;
+      for (int v = 0; v < 64; ++v)
+        bits |= static_cast<openvdb::Index64>(is_active(values[word * 64 + v])) << v;
+      mask.template getWord<openvdb::Index64>(word) = bits;
+    }
+    leaf->setValueMask(mask);
+  }
+  grid.tree().prune();
+}
+
+template <class Grid>
+void describe(Grid& grid, const char* name, const LayeredTooth& tooth) {
+  grid.setName(name);
+  grid.setTransform(transform_of(tooth.lattice));
+  grid.insertMeta(kSchemaKey, openvdb::StringMetadata(kSchema));
+  grid.insertMeta(kVersionKey, openvdb::Int32Metadata(kSchemaVersion));
+  grid.insertMeta(kVoxelKey, openvdb::DoubleMetadata(tooth.lattice.voxel));
+}
+
+openvdb::MetaMap file_metadata(const LayeredTooth& tooth) {
+  openvdb::MetaMap meta;
+  for (const auto& [key, value] : tooth.provenance)
+    if (!key.empty()) meta.insertMeta(key, openvdb::StringMetadata(value));
+  const auto put = [&meta](const std::string& key, const openvdb::Metadata& value) {
+    meta.removeMeta(key);  // a provenance key of the same name but another type would throw
+    meta.insertMeta(key, value);
+  };
+  put(kSchemaKey, openvdb::StringMetadata(kSchema));
+  put(kVersionKey, openvdb::Int32Metadata(kSchemaVersion));
+  put(kVoxelKey, openvdb::DoubleMetadata(tooth.lattice.voxel));
+  put(kHashKey, openvdb::StringMetadata(tooth_sha256(tooth)));
+  const PerTissue<double> volumes = remaining_volumes_mm3(tooth);
+  for (int k = 0; k < kTissueCount; ++k)
+    put(kVolumePrefix + std::string(kTissueNames[k]), openvdb::DoubleMetadata(volumes[k]));
+  return meta;
+}
+
+// The archive goes to memory first: its id is derived from its bytes, and openvdb::io::File would
+// not tell that the disk is full.
+class MemoryArchive : public openvdb::io::Archive {
+ public:
+  void write_to(std::ostream& out, const openvdb::GridCPtrVec& grids,
+                const openvdb::MetaMap& meta) const {
+    Archive::write(out, grids, /*seekable=*/true, meta);  // seekable: with the grids' offsets
+  }
+};
+
+// ---- Reading
+
+[[noreturn]] void refuse_grid(const std::string& path, const std::string& grid,
+                              const std::string& condition, const std::string& remedy = {}) {
+  throw InputError(path, "grid '" + grid + "'", condition, remedy);
+}
+
+// The archive in memory as a stream that throws at its end instead of handing out garbage.
+class ByteStream : public std::istream {
+ public:
+  explicit ByteStream(std::vector<char>& bytes) : std::istream(nullptr), buffer_(bytes) {
+    rdbuf(&buffer_);
+    exceptions(std::ios::badbit | std::ios::failbit);
+  }
+
+ private:
+  struct Buffer : std::streambuf {
+    explicit Buffer(std::vector<char>& bytes) {
+      setg(bytes.data(), bytes.data(), bytes.data() + bytes.size());
+    }
+    pos_type seekoff(off_type offset, std::ios_base::seekdir way,
+                     std::ios_base::openmode) override {
+      const off_type base = way == std::ios_base::beg   ? 0
+                            : way == std::ios_base::cur ? gptr() - eback()
+                                                        : egptr() - eback();
+      if (base + offset < 0 || base + offset > egptr() - eback()) return pos_type(off_type(-1));
+      setg(eback(), eback() + base + offset, egptr());
+      return pos_type(base + offset);
+    }
+    pos_type seekpos(pos_type position, std::ios_base::openmode mode) override {
+      return seekoff(off_type(position), std::ios_base::beg, mode);
+    }
+  };
+  Buffer buffer_;
+};
+
+struct Archive {
+  openvdb::MetaMap::Ptr meta;
+  openvdb::GridPtrVecPtr grids;
+};
+
+Archive parse(const std::string& path) {
+  std::vector<char> bytes = bytes_of(path);
+  if (bytes.empty()) throw InputError(path, "", "is empty", "give a tooth file (.vdb)");
+  static constexpr std::array<char, 8> kMagic = {' ', 'B', 'D', 'V', 0, 0, 0, 0};
+  if (bytes.size() < kMagic.size() || !std::equal(kMagic.begin(), kMagic.end(), bytes.begin()))
+    throw InputError(path, "", "is not an OpenVDB file",
+                     "give a tooth file (.vdb), as voxelize and specimen write them");
+  const std::string damaged = "is damaged or truncated";
+  const std::string remedy = "make or copy the file again";
+  if (bytes.size() < kIdOffset + kIdLength) throw InputError(path, "", damaged, remedy);
+  const std::string id(bytes.data() + kIdOffset, kIdLength);
+  if (looks_like_uuid(id.data()) && id[kIdVersionDigit] == '8' && id != id_of_content(bytes))
+    throw InputError(path, "", damaged + " (its checksum does not match)", remedy);
+  std::uint32_t version = 0;
+  std::memcpy(&version, bytes.data() + 8, sizeof version);
+  if (version > openvdb::OPENVDB_FILE_VERSION)
+    throw InputError(path, "",
+                     "is of OpenVDB's file version " + std::to_string(version) +
+                         ", newer than this program's " +
+                         std::to_string(openvdb::OPENVDB_FILE_VERSION),
+                     "save it with an older OpenVDB");
+  try {
+    ByteStream stream(bytes);
+    const openvdb::io::Stream archive(stream, /*delayLoad=*/false);
+    Archive result{archive.getMetadata(), const_cast<openvdb::io::Stream&>(archive).getGrids()};
+    if (!result.meta || !result.grids) throw InputError(path, "", damaged, remedy);
+    return result;
+  } catch (const InputError&) {
+    throw;
+  } catch (const std::ios_base::failure&) {
+    throw InputError(path, "", damaged, remedy);
+  } catch (const std::exception& e) {
+    throw InputError(path, "", std::string("cannot be read by OpenVDB (") + e.what() + ")",
+                     "the file may be damaged or hold grids of an unknown type");
+  }
+}
+
+std::optional<std::string> find_text(const openvdb::MetaMap& meta, const std::string& key) {
+  const auto value = meta[key];
+  if (!value) return std::nullopt;
+  return value->str();
+}
+
+void check_schema(const std::string& path, const Archive& archive) {
+  // Programs that rewrite a .vdb tend to keep the grids' metadata and drop the file's.
+  std::vector<const openvdb::MetaMap*> places{archive.meta.get()};
+  for (const auto& grid : *archive.grids)
+    if (grid) places.push_back(grid.get());
+  for (const openvdb::MetaMap* meta : places) {
+    const auto schema = find_text(*meta, kSchemaKey);
+    if (!schema) continue;
+    if (*schema != kSchema)
+      throw InputError(path, kSchemaKey, "is '" + *schema + "' instead of '" + kSchema + "'",
+                       "give a tooth file");
+    const auto version = find_text(*meta, kVersionKey);
+    if (version != std::to_string(kSchemaVersion))
+      throw InputError(path, kVersionKey,
+                       "is " + version.value_or("absent") + "; this program reads version " +
+                           std::to_string(kSchemaVersion));
+    return;
+  }
+  throw InputError(path, kSchemaKey, "is absent, so this is not a tooth file",
+                   "make one with 'toothprep voxelize' or 'toothprep specimen'");
+}
+
+template <class Grid>
+typename Grid::Ptr find_grid(const std::string& path, const Archive& archive,
+                             const std::string& name, const char* wanted) {
+  for (const auto& grid : *archive.grids) {
+    if (!grid || grid->getName() != name) continue;
+    if (auto typed = openvdb::gridPtrCast<Grid>(grid)) return typed;
+    refuse_grid(path, name, "holds " + grid->valueType() + " values instead of " + wanted);
+  }
+  refuse_grid(path, name, "is missing", "a tooth file has tissue, solid, enamel, dentin and pulp");
+}
+
+Lattice lattice_of(const std::string& path, const std::string& name,
+                   const openvdb::GridBase& grid) {
+  if (!grid.transform().isLinear()) refuse_grid(path, name, "its transform is not linear");
+  const openvdb::Mat4d m = grid.transform().baseMap()->getAffineMap()->getMat4();
+  Lattice lattice;
+  lattice.voxel = m(0, 0);
+  lattice.origin = Vec3(m(3, 0), m(3, 1), m(3, 2));
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < 4; ++j)
+      if (!std::isfinite(m(i, j))) refuse_grid(path, name, "its transform is not finite");
+  if (!(lattice.voxel > 0 && lattice.voxel <= 10))
+    refuse_grid(path, name, "its voxel size is " + text_of(lattice.voxel) + " mm",
+                "it must lie in (0, 10] mm");
+  const double slack = 1e-6 * lattice.voxel;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      if (std::abs(m(i, j) - (i == j ? lattice.voxel : 0)) > slack)
+        refuse_grid(path, name,
+                    "its transform is rotated, sheared or has voxels that are not cubes",
+                    "resample it to cubic voxels along the axes");
+  return lattice;
+}
+
+// The box of everything that differs from the background: active voxels and inside tiles.
+template <class Grid>
+openvdb::CoordBBox extent_of(const Grid& grid) {
+  openvdb::CoordBBox box;
+  grid.tree().evalActiveVoxelBoundingBox(box);
+  auto tile = grid.tree().cbeginValueOff();
+  tile.setMaxDepth(decltype(tile)::LEAF_DEPTH - 1);
+  for (; tile; ++tile)
+    if (*tile != grid.background()) box.expand(tile.getBoundingBox());
+  return box;
+}
+
+// Copies leaves and tiles to bricks; `convert` checks and translates one value, `convert_tile` a
+// tile's.
+template <class Grid, class T, class Convert, class ConvertTile>
+void fill_bricks(BrickGrid<T>& bricks, const Grid& grid, Convert convert,
+                 ConvertTile convert_tile) {
+  openvdb::tree::ValueAccessor<const typename Grid::TreeType> tree(grid.constTree());
+  std::array<T, kBrickVoxels> values;
+  for (std::size_t b = 0; b < bricks.table_size(); ++b) {
+    const Index3 first = bricks.brick_origin(b);
+    const openvdb::Coord origin(first.x(), first.y(), first.z());
+    if (const auto* leaf = tree.probeConstLeaf(origin)) {
+      const auto* source = leaf->buffer().data();
+      for (int v = 0; v < kBrickVoxels; ++v) values[v] = convert(source[v]);
+      bricks.set_brick(b, values.data());
+    } else {
+      const T value = convert_tile(tree.getValue(origin));
+      if (value != bricks.background()) bricks.set_uniform(b, value);
+    }
+  }
+}
+
+}  // namespace
+
+LayeredTooth read_tooth(const std::string& path) {
+  openvdb::initialize();
+  const Archive archive = parse(path);
+  check_schema(path, archive);
+
+  const Int32Grid::Ptr tissue = find_grid<Int32Grid>(path, archive, "tissue", "int32");
+  std::array<FloatGrid::Ptr, 4> level_sets;
+  for (int k = 0; k < 4; ++k)
+    level_sets[k] = find_grid<FloatGrid>(path, archive, kLevelSetNames[k], "float");
+
+  const Lattice lattice = lattice_of(path, "tissue", *tissue);
+  openvdb::CoordBBox box = extent_of(*tissue);
+  if (tissue->background() != 0)
+    refuse_grid(path, "tissue", "its background is " + std::to_string(tissue->background()),
+                "the background must be 0 (air)");
+  if (box.empty()) refuse_grid(path, "tissue", "is empty: no voxel has a label");
+  for (int k = 0; k < 4; ++k) {
+    const FloatGrid& grid = *level_sets[k];
+    const Lattice own = lattice_of(path, kLevelSetNames[k], grid);
+    if (std::abs(own.voxel - lattice.voxel) > 1e-6 * lattice.voxel ||
+        (own.origin - lattice.origin).cwiseAbs().maxCoeff() > 1e-4 * lattice.voxel)
+      refuse_grid(path, kLevelSetNames[k], "lies on another lattice than the grid 'tissue'",
+                  "resample all grids to one transform");
+    const double width = grid.background() / lattice.voxel;
+    if (!(width >= 1 && width <= 20))
+      refuse_grid(path, kLevelSetNames[k],
+                  "is not a narrow-band level set in mm (background " + text_of(grid.background()) +
+                      " at a voxel size of " + text_of(lattice.voxel) + " mm)",
+                  "distances in mm, negative inside, with a band of about 3 voxels are expected");
+    box.expand(extent_of(grid));
+  }
+  // Judged in double before anything is allocated: a damaged or hostile file can claim any size.
+  const openvdb::Vec3d bricks = (box.max().asVec3d() - box.min().asVec3d()) / kBrickEdge + 3.0;
+  if (bricks.product() * kBrickVoxels > 8.6e9)
+    throw InputError(path, "",
+                     "its grids span " + text_of(box.max().asVec3d()[0] - box.min().asVec3d()[0]) +
+                         " x " + text_of(box.max().asVec3d()[1] - box.min().asVec3d()[1]) + " x " +
+                         text_of(box.max().asVec3d()[2] - box.min().asVec3d()[2]) + " voxels",
+                     "at most 2^33 voxels are read; crop the grids to one tooth");
+
+  LayeredTooth tooth =
+      make_empty_tooth(lattice, Index3(box.min().x(), box.min().y(), box.min().z()),
+                       Index3(box.max().x(), box.max().y(), box.max().z()));
+  const auto label = [&](openvdb::Int32 v) {
+    if (v < 0 || v > kTissueCount)
+      refuse_grid(path, "tissue", "holds the label " + std::to_string(v),
+                  "labels are 0 air, 1 enamel, 2 dentin, 3 pulp, 4 other");
+    return static_cast<std::uint8_t>(v);
+  };
+  fill_bricks(tooth.tissue, *tissue, label, label);
+  for (int k = 0; k < 4; ++k) {
+    const float width = level_sets[k]->background();
+    const auto band = static_cast<float>(tooth.band());
+    const auto distance = [&](float v) {
+      if (!std::isfinite(v))
+        refuse_grid(path, kLevelSetNames[k], "holds a value that is not a finite number");
+      // What is saturated in the file is far away, whatever band the file's writer used.
+      return std::abs(v) >= std::min(width, band) ? std::copysign(band, v) : v;
+    };
+    const auto tile = [&](float v) {
+      // A tile spans 512 voxels or more, so it cannot be in a narrow band.
+      const float d = distance(v);
+      if (std::abs(d) != band)
+        refuse_grid(path, kLevelSetNames[k],
+                    "holds a tile of " + text_of(v) + " mm, which lies inside the narrow band");
+      return d;
+    };
+    fill_bricks(level_set(tooth, k), *level_sets[k], distance, tile);
+  }
+
+  static const std::set<std::string> kOwn = {kSchemaKey, kVersionKey, kVoxelKey, kHashKey};
+  for (auto it = archive.meta->beginMeta(); it != archive.meta->endMeta(); ++it)
+    if (!kOwn.count(it->first) && it->first.rfind(kVolumePrefix, 0) != 0 && it->second)
+      tooth.provenance[it->first] = it->second->str();
+  return tooth;
+}
+
+void write_tooth(const LayeredTooth& tooth, const std::string& path) {
+  openvdb::initialize();
+  const auto tissue = Int32Grid::create(0);
+  std::array<FloatGrid::Ptr, 4> level_sets;
+  openvdb::GridPtrVec grids{tissue};
+  describe(*tissue, "tissue", tooth);
+  for (int k = 0; k < 4; ++k) {
+    level_sets[k] = FloatGrid::create(level_set(tooth, k).background());
+    level_sets[k]->setGridClass(openvdb::GRID_LEVEL_SET);
+    describe(*level_sets[k], kLevelSetNames[k], tooth);
+    grids.push_back(level_sets[k]);
+  }
+  openvdb::MetaMap meta;
+  tbb::parallel_for(0, 6, [&](int job) {
+    if (job == 0) {
+      meta = file_metadata(tooth);
+    } else if (job == 1) {
+      fill_tree(*tissue, tooth.tissue, [](std::uint8_t v) { return v != 0; });
+    } else {
+      const LevelSet& bricks = level_set(tooth, job - 2);
+      const float band = bricks.background();
+      fill_tree(*level_sets[job - 2], bricks, [band](float v) { return std::abs(v) < band; });
+    }
+  });
+  std::ostringstream memory;
+  MemoryArchive archive;
+  archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
+  archive.write_to(memory, openvdb::GridCPtrVec(grids.begin(), grids.end()), meta);
+  const std::string text = std::move(memory).str();
+  std::vector<char> bytes(text.begin(), text.end());
+  if (bytes.size() < kIdOffset + kIdLength || !looks_like_uuid(bytes.data() + kIdOffset))
+    throw Error(path + ": this version of OpenVDB writes a header that toothprep does not know");
+  const std::string id = id_of_content(bytes);
+  std::copy(id.begin(), id.end(), bytes.begin() + kIdOffset);
+  std::ofstream out(path, std::ios::binary);
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  if (!out) throw Error(path + ": cannot be written; is the disk full?");
+}
+
+}  // namespace toothprep

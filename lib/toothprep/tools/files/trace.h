@@ -1,0 +1,59 @@
+// Trace files (.h5): what a replay or a live session records, and the format of recorded
+// trajectories.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "toothprep/step/core/step_record.h"
+#include "toothprep/tools/trajectory/trajectory.h"
+
+namespace toothprep {
+
+// The energy audit: the torque's work against what was removed. mJ.
+struct EnergyAudit {
+  double torque_work_mj = 0;     // integral of 2 pi N T_z over the steps that turn
+  double removed_energy_mj = 0;  // sum over tissues of u_k V_k
+  double energy_ratio = 0;       // their quotient; NaN when nothing was removed
+};
+
+struct Trace {
+  std::vector<StepRecord> rows;  // row 0 is the initial state with zero forces
+  std::string parameters_toml;   // complete
+  std::string tooth_sha256;
+  std::string toothprep_version;
+  std::string bur;  // the --bur text
+  std::string drive, engine;
+  EnergyAudit audit;
+  double initial_overlap_mm3 = 0;
+  std::vector<Vec3> measured_force;  // N; empty or one per row
+};
+
+// Writes `path` itself (callers go through OutputFile); same trace, same bytes (no object times).
+// Throws Error if it holds no rows or a value that is not finite, or if the disk is full.
+// Chunked, shuffled, gzip 4; the datasets are those of trace_columns.cpp.
+void write_trace(const Trace& trace, const std::string& path);
+
+// Reads a complete trace back, bit for bit (the power, stored in W, to one unit in the last place).
+// Throws InputError (file, dataset, condition): unreadable, truncated, another schema, a dataset
+// missing, of wrong shape or type, claiming more than kMostSamples rows, in another unit, not
+// finite. The unit is required for time, positions and forces. /handle/buttons (absent: always on),
+// /contact/shank_area and /force/measured may be absent; a tissue that `tissues` doesn't name has
+// zeros. Of a live recording that is being written or was cut off: the rows up to the last flush,
+// the audit NaN.
+Trace read_trace(const std::string& path);
+
+// Whether an HDF5 file says that it is a trace (root attribute `schema`). Throws InputError if it
+// can't be read at all.
+bool is_trace_file(const std::string& path);
+
+// Reads what a trajectory needs: /time and /handle/position with units; /handle/orientation,
+// /handle/buttons and /force/measured where present. Any HDF5 file will do, whoever wrote it; other
+// datasets are ignored. Errors as read_trace, and fewer than two samples.
+Trajectory read_h5_trajectory(const std::string& path);
+
+// One row per step, one column per component, unit in the column's name: time_s, handle_x_mm, ...,
+// force_device_x_N, ..., removed_enamel_mm3; shortest decimals that read back as the same doubles.
+void write_trace_csv(const Trace& trace, const std::string& path);
+
+}  // namespace toothprep

@@ -1,0 +1,206 @@
+#include <array>
+#include <cmath>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/files/trace_columns.h"
+#include "toothprep/tools/files/trace_parts.h"
+
+namespace toothprep {
+namespace {
+
+using h5::Reader;
+
+constexpr const char* kSchema = "toothprep-trace";
+constexpr int kSchemaVersion = 1;
+constexpr const char* kMeasured = "/force/measured";
+constexpr double kMostButtons = 4294967295.0;
+
+// What the reader would refuse must not be written.
+void check_finite(const std::vector<double>& values, const char* dataset, int width) {
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (!std::isfinite(values[i]))
+      throw Error(std::string("the trace to be written holds a value that is not finite in ") +
+                  dataset + ", row " + std::to_string(i / static_cast<std::size_t>(width)));
+}
+
+void check_schema(const Reader& in, bool required) {
+  const auto schema = in.text("schema");
+  if (!schema && !required) return;
+  if (!schema) in.refuse("attribute schema", "is missing: this is not a toothprep trace");
+  if (*schema != kSchema) {
+    if (!required) return;  // someone else's schema: /time and /handle/position decide
+    in.refuse("attribute schema",
+              "is '" + h5::printable(*schema) + "', not '" + std::string(kSchema) + "'",
+              "this is not a toothprep trace");
+  }
+  const double version = in.require_number("schema_version");
+  if (version != kSchemaVersion)
+    in.refuse("attribute schema_version",
+              "is " + h5::printable(std::to_string(version)) + ", this toothprep reads " +
+                  std::to_string(kSchemaVersion),
+              "use a newer toothprep");
+}
+
+bool is_quantity_that_needs_its_unit(const std::string& dataset) {
+  return dataset == "/time" || dataset.find("position") != std::string::npos ||
+         dataset.find("/force/") == 0;
+}
+
+std::vector<Vec3> measured_force(Reader& reader) {
+  std::vector<Vec3> force;
+  if (!reader.has(kMeasured)) return force;
+  const std::vector<double> values = reader.read(reader.open(kMeasured, "N", 3, true));
+  force.reserve(values.size() / 3);
+  for (std::size_t i = 0; i < values.size(); i += 3)
+    force.emplace_back(values[i], values[i + 1], values[i + 2]);
+  return force;
+}
+
+Trajectory parse_trajectory(Reader& in) {
+  check_schema(in, false);
+  in.cut_to_shortest(
+      {"/time", "/handle/position", "/handle/orientation", "/handle/buttons", kMeasured});
+  const std::vector<double> time = in.read_time();
+  if (time.size() < 2) in.refuse("/time", "holds fewer than two samples", "record a motion");
+  if (!in.has("/handle/position")) in.refuse("/handle/position", "is missing");
+  const std::vector<double> position = in.read(in.open("/handle/position", "mm", 3, true));
+  Trajectory trajectory;
+  trajectory.samples.resize(time.size());
+  for (std::size_t i = 0; i < time.size(); ++i) {
+    trajectory.samples[i].time = time[i];
+    trajectory.samples[i].pose.position = Eigen::Map<const Vec3>(position.data() + 3 * i);
+  }
+  const std::string orientation = "/handle/orientation", buttons = "/handle/buttons";
+  if (in.has(orientation)) {
+    const std::vector<double> q = in.read(in.open(orientation, "1", 4, false));
+    for (std::size_t i = 0; i < time.size(); ++i)
+      trajectory.samples[i].pose.orientation = in.quaternion(orientation, i, q.data() + 4 * i);
+  }
+  if (in.has(buttons)) {
+    const std::vector<double> b = in.read(in.open(buttons, "1", 1, false));
+    for (std::size_t i = 0; i < time.size(); ++i)
+      trajectory.samples[i].buttons =
+          static_cast<std::uint32_t>(in.whole_number(buttons, i, b[i], 0, kMostButtons));
+  }
+  trajectory.measured_force = measured_force(in);
+  return trajectory;
+}
+
+}  // namespace
+
+Trace parse_trace(Reader& in) {
+  check_schema(in, true);
+  Trace trace;
+  trace.toothprep_version = in.require_text("toothprep_version");
+  trace.parameters_toml = in.require_text("parameters");
+  trace.tooth_sha256 = in.require_text("tooth_sha256");
+  // A session's audit is done at its end.
+  const auto audit = [&](const char* name) {
+    return in.growing() ? in.number(name).value_or(std::nan("")) : in.require_number(name);
+  };
+  trace.audit.torque_work_mj = audit("torque_work_mJ");
+  trace.audit.removed_energy_mj = audit("removed_energy_mJ");
+  trace.audit.energy_ratio = audit("energy_ratio");
+  trace.bur = in.text("bur").value_or("");
+  trace.drive = in.text("drive").value_or("");
+  trace.engine = in.text("engine").value_or("");
+  trace.initial_overlap_mm3 = in.number("initial_overlap_mm3").value_or(0.0);
+
+  std::vector<std::string> names = {kMeasured};
+  for (const TraceColumn& column : trace_columns()) names.emplace_back(column.dataset);
+  in.cut_to_shortest(names);
+  // Shapes, types and units of all before the rows are allocated.
+  const std::vector<double> time = in.read_time();
+  std::vector<std::pair<const TraceColumn*, Reader::Set>> sets;
+  for (const TraceColumn& column : trace_columns()) {
+    if (!in.has(column.dataset)) {
+      if (column.required) in.refuse(column.dataset, "is missing");
+      continue;
+    }
+    sets.emplace_back(&column,
+                      in.open(column.dataset, column.unit, column.width,
+                              is_quantity_that_needs_its_unit(column.dataset), column.per_tissue));
+  }
+  trace.rows.resize(time.size());
+  for (const auto& [column, set] : sets) {
+    const std::vector<double> values = in.read(set);
+    const auto width = static_cast<std::size_t>(set.width);
+    for (std::size_t i = 0; i < trace.rows.size(); ++i) {
+      const double* v = values.data() + i * width;
+      std::array<double, 4> row{};
+      for (std::size_t c = 0; c < width; ++c)
+        row[column->per_tissue ? static_cast<std::size_t>(set.tissues[c]) : c] = v[c];
+      if (column->width == 4 && !column->per_tissue) {
+        const Quat q = in.quaternion(set.name, i, v);
+        for (int c = 0; c < 4; ++c) row[static_cast<std::size_t>(c)] = q.coeffs()[c];
+      }
+      if (column->storage == Storage::kUint32) in.whole_number(set.name, i, v[0], 0, kMostButtons);
+      if (column->storage == Storage::kUint8 && v[0] != 0 && v[0] != 1)
+        in.refuse(set.name + ", row " + std::to_string(i), "must be 0 or 1");
+      column->set(trace.rows[i], row.data());
+    }
+  }
+  trace.measured_force = measured_force(in);
+  return trace;
+}
+
+std::vector<std::string> tissue_columns() { return {kTissueNames.begin(), kTissueNames.end()}; }
+
+void write_trace_head(h5::Writer& out, const Trace& trace) {
+  out.text("schema", kSchema);
+  out.integer("schema_version", kSchemaVersion);
+  out.text("toothprep_version", trace.toothprep_version);
+  out.text("parameters", trace.parameters_toml);
+  out.text("tooth_sha256", trace.tooth_sha256);
+  out.text("bur", trace.bur);
+  out.text("drive", trace.drive);
+  out.text("engine", trace.engine);
+  out.number("initial_overlap_mm3", trace.initial_overlap_mm3);
+  out.number("torque_work_mJ", trace.audit.torque_work_mj);
+  out.number("removed_energy_mJ", trace.audit.removed_energy_mj);
+  out.number("energy_ratio", trace.audit.energy_ratio);
+
+  for (const char* group : {"/handle", "/bur", "/force", "/contact", "/removed"}) out.group(group);
+}
+
+void write_trace(const Trace& trace, const std::string& path) {
+  if (trace.rows.empty()) throw Error(path + ": a trace without rows cannot be written");
+  if (!trace.measured_force.empty() && trace.measured_force.size() != trace.rows.size())
+    throw Error(path + ": the trace has not as many measured forces as rows");
+  const auto lock = h5::lock_hdf5();
+  const h5::Quiet quiet;
+  h5::Writer out(path);
+  write_trace_head(out, trace);
+  const std::vector<std::string> tissues = tissue_columns();
+  std::vector<double> values;
+  for (const TraceColumn& column : trace_columns()) {
+    const auto width = static_cast<std::size_t>(column.width);
+    values.resize(trace.rows.size() * width);
+    for (std::size_t i = 0; i < trace.rows.size(); ++i)
+      column.get(trace.rows[i], values.data() + i * width);
+    check_finite(values, column.dataset, column.width);
+    out.dataset(column.dataset, column.unit, values, column.width, column.storage,
+                column.per_tissue ? tissues : std::vector<std::string>{});
+  }
+  if (!trace.measured_force.empty()) {
+    values.resize(trace.rows.size() * 3);
+    for (std::size_t i = 0; i < trace.rows.size(); ++i)
+      Eigen::Map<Vec3>(values.data() + 3 * i, 3) = trace.measured_force[i];
+    check_finite(values, kMeasured, 3);
+    out.dataset(kMeasured, "N", values, 3, Storage::kDouble);
+  }
+  out.close();
+}
+
+Trace read_trace(const std::string& path) { return h5::read_with_care(path, parse_trace); }
+
+bool is_trace_file(const std::string& path) {
+  return h5::read_with_care(path, [](Reader& in) { return in.text("schema") == kSchema; });
+}
+
+Trajectory read_h5_trajectory(const std::string& path) {
+  return h5::read_with_care(path, parse_trajectory);
+}
+
+}  // namespace toothprep

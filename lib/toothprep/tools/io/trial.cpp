@@ -1,0 +1,94 @@
+#include "toothprep/tools/io/trial.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <exception>
+#include <fstream>
+#include <mutex>
+#include <new>
+
+namespace toothprep {
+namespace {
+
+constexpr int kThrew = 1, kCrashed = 2;
+
+void limit_memory(std::size_t more) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  return;  // the sanitizer's own address space is beyond any limit
+#endif
+  std::size_t pages = 0;
+  if (!(std::ifstream("/proc/self/statm") >> pages)) return;
+  const rlim_t limit = pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)) + more;
+  const rlimit address_space{limit, limit};
+  setrlimit(RLIMIT_AS, &address_space);
+}
+
+[[noreturn]] void run_as_child(const std::function<void()>& work, unsigned seconds,
+                               std::size_t memory, int report) {
+  for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGALRM}) std::signal(signal, SIG_DFL);
+  const rlimit no_core{0, 0};
+  setrlimit(RLIMIT_CORE, &no_core);
+  limit_memory(memory);
+  const int nowhere = open("/dev/null", O_WRONLY);  // "free(): invalid pointer" and the like
+  if (nowhere >= 0) {
+    dup2(nowhere, STDOUT_FILENO);
+    dup2(nowhere, STDERR_FILENO);
+  }
+  alarm(seconds);
+  try {
+    work();
+  } catch (const std::bad_alloc&) {
+    _exit(kCrashed);
+  } catch (const std::exception& e) {
+    const std::string text(e.what());
+    _exit(write(report, text.data(), text.size()) > 0 ? kThrew : kCrashed);
+  } catch (...) {
+    _exit(kCrashed);
+  }
+  _exit(0);
+}
+
+}  // namespace
+
+std::optional<std::string> failure_in_trial(const std::function<void()>& work, unsigned seconds,
+                                            std::size_t memory) {
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) return {};
+  // ITK ends and restarts its threads around a fork, and not for two forks at once.
+  static std::mutex one_fork;
+  pid_t child = 0;
+  {
+    const std::scoped_lock guard(one_fork);
+    child = fork();
+  }
+  if (child == 0) run_as_child(work, seconds, memory, ends[1]);
+  close(ends[1]);
+  std::string text;
+  char buffer[1024];
+  for (ssize_t n = 0;
+       child > 0 && ((n = read(ends[0], buffer, sizeof buffer)) > 0 || (n < 0 && errno == EINTR));)
+    if (n > 0) text.append(buffer, static_cast<std::size_t>(n));
+  close(ends[0]);
+  int status = 0;
+  if (child < 0) return {};
+  while (waitpid(child, &status, 0) < 0)
+    if (errno != EINTR) return {};
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
+  return WIFEXITED(status) && WEXITSTATUS(status) == kThrew ? text : std::string();
+}
+
+SharedMemory::SharedMemory(std::size_t bytes)
+    : bytes_(bytes),
+      at_(mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0)) {
+  if (at_ == MAP_FAILED) throw std::bad_alloc();
+}
+
+SharedMemory::~SharedMemory() { munmap(at_, bytes_); }
+
+}  // namespace toothprep

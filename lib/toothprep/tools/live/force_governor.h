@@ -1,0 +1,76 @@
+// What a live session does to a force before the device gets it, tick by tick:
+//
+//   finite?  -> ramp-in -> magnitude limit -> heat limit -> rate limit -> device
+//                                                        -> vibration watch
+//
+//   F' = s F                           s grows from 0 to 1 over `ramp` from the start
+//   |F| <= F_hot                       while the motors' heat is above what they stand for good
+//   |F| <= F_max                       direction kept
+//   |F(n) - F(n-1)| <= R T             along the straight way to the new force
+//
+// Heat is the first-order model of a winding, h' = (|F|² - h)/tau with h in N²: at a constant force
+// F it tends to F², so that h <= F_cont² is what the motors stand for good. From 90 % of that on
+// the allowed force falls linearly to F_cont, at 100 %.
+//
+// The vibration watch tells an unstable loop from grinding: the running RMS, over about 0.1 s, of
+// the force above 20 Hz (a first-order high-pass). A force that rises by 3 N within one tick and
+// stays gives 0.6 N for a moment; a loop at its limit cycle gives several N for good. Above
+// `vibration_limit` for `vibration_time` the session has to stop: every later force is zero. It
+// looks at the force before the rate limit, which would turn an unstable loop into a rattling one.
+//
+//   symbol   here                  unit    default
+//   F_max    max_force             N       the device's
+//   R        max_force_rate        N/s     3000 (3 N per tick at 1 kHz)
+//   F_cont   continuous_force      N       the device's
+//   tau      thermal_time          s       10, assumed: no data sheet gives it
+//   T        period                s       1/rate
+#pragma once
+
+#include <cstdint>
+
+#include "toothprep/step/core/geometry.h"
+
+namespace toothprep {
+
+struct ForceLimits {
+  double period = 1e-3;
+  double max_force = 3.3;
+  double max_force_rate = 3000;
+  double continuous_force = 0.88;
+  double thermal_time = 10;
+  double ramp = 0.25;            // s
+  double vibration_limit = 1.0;  // N rms above 20 Hz; infinity: no watch
+  double vibration_time = 0.05;  // s
+};
+
+// Throws Error that names the first violated condition.
+void validate(const ForceLimits& limits);
+
+class ForceGovernor {
+ public:
+  explicit ForceGovernor(const ForceLimits& limits);  // throws as validate()
+
+  // One tick. Adds LiveFlag bits to `flags`. Allocates nothing.
+  Vec3 limit(const Vec3& force, std::uint32_t& flags) noexcept;
+
+  // Starts the ramp anew, from zero force (after a fault; heat stays).
+  void restart() noexcept;
+
+  bool vibrates() const noexcept { return vibrates_; }  // and from then on all forces are zero
+  double vibration_rms() const noexcept;                // N
+  double heat() const noexcept;                         // of what is allowed for good: 1 is full
+
+ private:
+  void watch(const Vec3& force) noexcept;
+
+  ForceLimits limits_;
+  double high_pass_, window_;  // per tick
+  double scale_ = 0;
+  Vec3 last_ = Vec3::Zero();
+  double heat_ = 0;  // N²
+  Vec3 low_ = Vec3::Zero();
+  double mean_square_ = 0, above_ = 0;  // N², s
+  bool vibrates_ = false;
+};
+
+}  // namespace toothprep

@@ -1,0 +1,84 @@
+// The servo tick of a live session: reading -> handle -> session step -> limits -> force.
+//
+// One step of the model's time step per tick of the device, so that a recording can be replayed bit
+// for bit; the device's own clock is recorded beside it. If a tick doesn't come, the step is not
+// made up for: the bur's spring then sees a longer way in one step, as any program at a fixed step
+// would.
+//
+// It starts in waiting: zero force, poses only, until begin() hands it a session that starts where
+// the hand is. The tick allocates nothing, locks nothing and prints nothing.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+
+#include "toothprep/step/core/live_tick.h"
+#include "toothprep/step/session/session.h"
+#include "toothprep/tools/device/haptic_device.h"
+#include "toothprep/tools/live/force_governor.h"
+#include "toothprep/tools/live/registration.h"
+#include "toothprep/tools/live/status_board.h"
+
+namespace toothprep {
+
+// Takes ticks on the servo's thread: a recorder, a display.
+class TickSink {
+ public:
+  virtual ~TickSink() = default;
+  virtual void take(const LiveTick& tick) noexcept = 0;
+};
+
+// Which button does what, as a mask of DevicePose::buttons; 0: none.
+struct LiveButtons {
+  std::uint32_t pedal = 0;   // starts the bur; none: it always runs
+  std::uint32_t clutch = 0;  // while held the handle stays where it is
+};
+
+class LiveLoop final : public ServoClient {
+ public:
+  // `sink` may be nullptr. Throws Error as ForceGovernor does.
+  LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink);
+
+  // What the device told first; empty until then.
+  std::optional<DevicePose> first_pose() const noexcept;
+
+  // From the next tick on it steps `session`, which must live until the device has stopped. With
+  // `start` (mm, W), the frame is laid so that the hand, wherever it is by then, starts there.
+  void begin(Session& session, const HandleFrame& frame, const Registration& registration,
+             const std::optional<Vec3>& start, double time_step) noexcept;
+
+  Vec3 tick(const DeviceReading& reading) override;
+
+  // After the device has stopped: removes what is still due and hands on the last tick.
+  void finish() noexcept;
+
+  LiveStatus status() const noexcept { return status_.read(); }
+
+ private:
+  enum class Phase { kWaiting, kBeginning, kRunning };
+
+  void step(const DeviceReading& reading, LiveTick& out) noexcept;
+  void hand_on(const LiveTick& tick) noexcept;
+
+  LiveButtons buttons_;
+  TickSink* sink_;
+  ForceGovernor governor_;
+  std::atomic<Phase> phase_ = Phase::kWaiting;
+  std::atomic<bool> has_first_ = false;
+  DevicePose first_;
+
+  // Set by begin(), then the servo thread's own.
+  Session* session_ = nullptr;
+  std::optional<HandleFrame> frame_;
+  Registration registration_;
+  std::optional<Vec3> start_;
+  double time_step_ = 0;
+  std::int64_t steps_ = 0;
+  LiveTick last_;  // handed on a tick later, since the session's end completes it
+  bool any_ = false;
+
+  StatusBoard status_;
+};
+
+}  // namespace toothprep

@@ -1,0 +1,182 @@
+#include "toothprep/tools/live/live_watch.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <thread>
+
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr auto kLook = std::chrono::milliseconds(5);
+constexpr double kTellEvery = 0.25;  // s
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+constexpr int kPriority = 80;  // below the kernel's own real-time threads
+
+// The servo's thread may be the driver's, so its priority is asked for from within the first tick.
+class RealTimeClient final : public ServoClient {
+ public:
+  RealTimeClient(ServoClient& inner, bool wanted) : inner_(inner), asked_(!wanted) {}
+
+  Vec3 tick(const DeviceReading& reading) override {
+    if (!asked_) {
+      asked_ = true;
+      sched_param parameter{};
+      parameter.sched_priority = kPriority;
+      const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
+      answer_.store(error, std::memory_order_release);
+    }
+    return inner_.tick(reading);
+  }
+
+  // Empty until it is known; -1 stands for that.
+  std::string scheduling() const {
+    const int answer = answer_.load(std::memory_order_acquire);
+    if (answer < 0) return {};
+    if (answer == 0)
+      return "servo at real-time priority (SCHED_FIFO " + std::to_string(kPriority) + ")";
+    return std::string("servo at normal priority: SCHED_FIFO was refused (") +
+           std::strerror(answer) +
+           "); give the user real-time rights (rtprio in /etc/security/limits.d)";
+  }
+
+ private:
+  ServoClient& inner_;
+  bool asked_;
+  std::atomic<int> answer_ = -1;
+};
+
+// Pages that are not there when a tick needs them cost milliseconds.
+std::string locked_memory() {
+  rlimit limit{};
+  getrlimit(RLIMIT_MEMLOCK, &limit);
+  // With a limit, locking what comes later would make allocations fail.
+  const int what = limit.rlim_cur == RLIM_INFINITY ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT;
+  if (mlockall(what) == 0) return "memory locked";
+  return std::string("memory not locked (") + std::strerror(errno) +
+         "); raise memlock in /etc/security/limits.d";
+}
+
+// Zero force on every way out.
+struct Stop {
+  HapticDevice& device;
+  ~Stop() { device.stop(); }
+};
+
+class Watcher {
+ public:
+  Watcher(HapticDevice& device, const LiveWatch& watch) : device_(device), watch_(watch) {}
+
+  bool asked(LiveEnd& end) const {
+    if (!watch_.stop_asked || !watch_.stop_asked()) return false;
+    end.reason = "asked to stop";
+    return true;
+  }
+
+  bool device_failed(LiveEnd& end) const {
+    end.device = device_.status();
+    if (end.device.state == ServoState::kFaulted)
+      end.reason = describe(end.device.last_fault);
+    else if (end.device.ticks > 0 && end.device.age > watch_.stale)
+      end.reason = "the device's servo loop hangs: no tick came for " +
+                   std::to_string(static_cast<int>(1000 * end.device.age)) + " ms";
+    else
+      return false;
+    end.fault = true;
+    return true;
+  }
+
+  // Until something ends it.
+  void watch_over(const RealTimeClient& client, const std::function<LiveStatus()>& status,
+                  LiveEnd& end) const {
+    const auto began = Clock::now();
+    double told = -kTellEvery;
+    bool scheduling_told = !watch_.real_time || !watch_.tell_scheduling;
+    for (;;) {
+      const double now = seconds_since(began);
+      if (!scheduling_told && !client.scheduling().empty()) {
+        scheduling_told = true;
+        watch_.tell_scheduling(client.scheduling());
+      }
+      if (device_failed(end) || asked(end)) return;
+      if (status().vibrates) {
+        end.reason =
+            "the loop of hand and force vibrates: it is unstable, and the force was switched off";
+        end.fault = true;
+        return;
+      }
+      if (watch_.duration > 0 && now >= watch_.duration) {
+        end.reason = "duration";
+        return;
+      }
+      if (watch_.tell && now - told >= kTellEvery) {
+        told = now;
+        watch_.tell(status(), end.device);
+      }
+      std::this_thread::sleep_for(kLook);
+    }
+  }
+
+ private:
+  HapticDevice& device_;
+  const LiveWatch& watch_;
+};
+
+}  // namespace
+
+LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& registration,
+                 const std::optional<Vec3>& start, double time_step,
+                 const std::function<Session&(const Pose&)>& make_session, const LiveWatch& watch) {
+  const Watcher watcher(device, watch);
+  LiveEnd end;
+  RealTimeClient client(loop, watch.real_time);
+  const Stop stop{device};
+  if (watch.real_time && watch.tell_scheduling) watch.tell_scheduling(locked_memory());
+  device.start(client);
+  const auto started = Clock::now();
+  while (!loop.first_pose()) {
+    if (watcher.device_failed(end) || watcher.asked(end)) return end;
+    if (seconds_since(started) > watch.first_pose_wait)
+      throw Error("the device runs but gives no position");
+    std::this_thread::sleep_for(kLook);
+  }
+  const DevicePose first = *loop.first_pose();
+  const HandleFrame frame(registration, first.position, start.value_or(Vec3::Zero()));
+  Session& session = make_session(frame.to_world(first.position, first.orientation));
+  loop.begin(session, frame, registration, start, time_step);
+  watcher.watch_over(
+      client, [&] { return loop.status(); }, end);
+  device.stop();
+  end.device = device.status();
+  loop.finish();
+  return end;
+}
+
+LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch) {
+  const Watcher watcher(device, watch);
+  LiveEnd end;
+  RealTimeClient client(loop, watch.real_time);
+  const Stop stop{device};
+  if (watch.real_time && watch.tell_scheduling) watch.tell_scheduling(locked_memory());
+  device.start(client);
+  watcher.watch_over(
+      client, [&] { return loop.status(); }, end);
+  device.stop();
+  end.device = device.status();
+  return end;
+}
+
+}  // namespace toothprep

@@ -1,0 +1,42 @@
+// What the main thread does while a live session runs: it starts the device, begins the session
+// where the hand is, watches, and ends it. Whatever happens, the device has zero force when this
+// returns or throws.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "toothprep/tools/live/live_loop.h"
+#include "toothprep/tools/live/probe_loop.h"
+
+namespace toothprep {
+
+struct LiveWatch {
+  double duration = 0;         // s; 0: until it is stopped
+  double stale = 0.1;          // s without a tick: the servo hangs
+  double first_pose_wait = 5;  // s
+  // Asks the system to run the servo's thread before all others (SCHED_FIFO) and to keep the
+  // program in memory; what came of it is told.
+  bool real_time = false;
+  std::function<void(const std::string&)> tell_scheduling;
+  std::function<bool()> stop_asked;  // looked at every few ms: a signal, a key
+  std::function<void(const LiveStatus&, const DeviceStatus&)> tell;  // a few times a second
+};
+
+struct LiveEnd {
+  std::string reason;   // "duration", "asked to stop", or the fault's line
+  bool fault = false;   // not a normal end
+  DeviceStatus device;  // as it was when it ended
+};
+
+// `make_session` gets the pose of the handle in W and gives the session that starts there. `start`:
+// see LiveLoop::begin(). Throws Error if the device doesn't start or gives no pose.
+LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& registration,
+                 const std::optional<Vec3>& start, double time_step,
+                 const std::function<Session&(const Pose&)>& make_session, const LiveWatch& watch);
+
+// An active check: starts the device, watches and ends as run_live() does.
+LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch);
+
+}  // namespace toothprep

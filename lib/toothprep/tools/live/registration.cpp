@@ -1,0 +1,79 @@
+#include "toothprep/tools/live/registration.h"
+
+#include <array>
+#include <cmath>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/strict_toml.h"
+
+namespace toothprep {
+namespace {
+
+std::optional<Quat> quaternion(StrictTable& table, const std::string& key) {
+  const auto values = table.numbers(key);
+  if (!values) return {};
+  if (values->size() != 4) table.refuse(key, "must be four numbers [x, y, z, w]");
+  const Quat q((*values)[3], (*values)[0], (*values)[1], (*values)[2]);
+  if (!(std::abs(q.norm() - 1) <= 1e-3)) table.refuse(key, "must be of length 1");
+  return q.normalized();
+}
+
+std::optional<Vec3> finite(StrictTable& table, const std::string& key) {
+  const auto value = table.vector(key);
+  if (value && !value->allFinite()) table.refuse(key, "must be finite numbers");
+  return value;
+}
+
+}  // namespace
+
+Registration read_registration(const std::string& path) {
+  const toml::table root = parse_toml(read_small_text(path), path);
+  StrictTable table(root, path);
+  Registration r;
+  if (const auto q = quaternion(table, "rotation_xyzw")) r.rotation = *q;
+  if (const auto q = quaternion(table, "stylus_to_bur_xyzw")) r.stylus_to_bur = *q;
+  r.translation = finite(table, "translation_mm");
+  if (const auto axis = finite(table, "fixed_axis")) {
+    if (!(axis->norm() > 1e-9)) table.refuse("fixed_axis", "must not be zero");
+    r.fixed_orientation = orientation_of_axis(*axis);
+  }
+  table.done();
+  return r;
+}
+
+HandleFrame::HandleFrame(const Registration& registration, const Vec3& device_start,
+                         const Vec3& at_start)
+    : rotation_(registration.rotation),
+      stylus_to_bur_(registration.stylus_to_bur),
+      fixed_(registration.fixed_orientation),
+      translation_(registration.translation ? *registration.translation
+                                            : Vec3(at_start - rotation_ * device_start)) {}
+
+Pose HandleFrame::to_world(const Vec3& position, const Quat& orientation) const noexcept {
+  Pose pose;
+  pose.position = held_ ? held_at_ : Vec3(rotation_ * position + translation_);
+  pose.orientation = fixed_ ? *fixed_ : (rotation_ * orientation * stylus_to_bur_).normalized();
+  return pose;
+}
+
+Vec3 HandleFrame::force_to_device(const Vec3& force) const noexcept {
+  return rotation_.conjugate() * force;
+}
+
+Vec3 HandleFrame::to_device(const Vec3& world) const noexcept {
+  return rotation_.conjugate() * (world - translation_);
+}
+
+void HandleFrame::hold(const Vec3& device_position) noexcept {
+  if (held_) return;
+  held_at_ = rotation_ * device_position + translation_;
+  held_ = true;
+}
+
+void HandleFrame::release(const Vec3& device_position) noexcept {
+  if (!held_) return;
+  translation_ = held_at_ - rotation_ * device_position;
+  held_ = false;
+}
+
+}  // namespace toothprep

@@ -1,0 +1,59 @@
+// Where the device's handle stands in the tooth's frame: a rigid registration, and a clutch that
+// lets the hand move without the handle.
+//
+//   x_W = R x_D + t          position of the bur's tip, mm
+//   q_W = R q_D S            orientation; S: how the bur sits in the stylus
+//
+// File (.toml), all keys optional:
+//
+//   rotation_xyzw = [0, 0, 0, 1]        R, D to W
+//   translation_mm = [0, 0, 0]          t; without it the first reading is put at the start place
+//   stylus_to_bur_xyzw = [0, 0, 0, 1]   S: B (bur, +z from tip to shank) to the stylus' frame
+//   fixed_axis = [0, 1, 0]              W, tip to shank: the bur keeps this axis, whatever the
+//   stylus does
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "toothprep/step/core/geometry.h"
+
+namespace toothprep {
+
+struct Registration {
+  Quat rotation = Quat::Identity();
+  std::optional<Vec3> translation;
+  Quat stylus_to_bur = Quat::Identity();
+  std::optional<Quat> fixed_orientation;  // W
+};
+
+// Throws InputError for anything that isn't such a file: unknown keys, quaternions not of unit
+// length (to 1e-3; they are normalised), zero axes, what isn't finite.
+Registration read_registration(const std::string& path);
+
+// The running registration. Plain values: a tick may use it.
+class HandleFrame {
+ public:
+  // `at_start`: where the bur's tip is to be when the hand is at `device_start` (used if the
+  // registration has no translation).
+  HandleFrame(const Registration& registration, const Vec3& device_start, const Vec3& at_start);
+
+  Pose to_world(const Vec3& position, const Quat& orientation) const noexcept;
+  Vec3 force_to_device(const Vec3& force) const noexcept;  // W to D
+  Vec3 to_device(const Vec3& world) const noexcept;        // mm
+
+  // While held, the handle stays where it is; on release it goes on from there.
+  void hold(const Vec3& device_position) noexcept;
+  void release(const Vec3& device_position) noexcept;
+
+  Pose device_to_world() const noexcept { return {translation_, rotation_}; }
+
+ private:
+  Quat rotation_, stylus_to_bur_;
+  std::optional<Quat> fixed_;
+  Vec3 translation_;
+  bool held_ = false;
+  Vec3 held_at_ = Vec3::Zero();  // W
+};
+
+}  // namespace toothprep

@@ -1,0 +1,66 @@
+// The status of a running loop: written by its servo thread, read by any other.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+#include "toothprep/step/core/live_tick.h"
+#include "toothprep/tools/live/force_governor.h"
+
+namespace toothprep {
+
+// For the status line; each figure is whole, together they may be of two ticks.
+struct LiveStatus {
+  std::int64_t steps = 0;
+  double force = 0;                       // N, commanded
+  double lag = 0;                         // mm, bur behind the handle
+  double torque = 0;                      // N·mm
+  bool stalled = false, running = false;  // the bur's motor
+  PerTissue<double> removed{};            // mm³
+  double heat = 0;                        // of the motors', 1: all that they stand for good
+  bool vibrates = false;                  // the governor has switched the force off
+  double longest_step = 0;                // s of CPU time
+};
+
+class StatusBoard {
+ public:
+  void write(const LiveTick& tick, std::int64_t steps, const ForceGovernor& governor) noexcept {
+    steps_.store(steps, kRelaxed);
+    force_.store(tick.commanded_force.norm(), kRelaxed);
+    lag_.store((tick.row.bur.position - tick.row.handle.pose.position).norm(), kRelaxed);
+    torque_.store(tick.row.torque, kRelaxed);
+    heat_.store(governor.heat(), kRelaxed);
+    for (std::size_t k = 0; k < kTissueCount; ++k)
+      removed_[k].store(tick.row.removed_volume[k], kRelaxed);
+    stalled_.store(tick.row.stalled, kRelaxed);
+    running_.store((tick.row.handle.buttons & kPedalButton) != 0, kRelaxed);
+    vibrates_.store(governor.vibrates(), kRelaxed);
+    longest_.store(std::max(longest_.load(kRelaxed), tick.step_seconds), kRelaxed);
+  }
+
+  LiveStatus read() const noexcept {
+    LiveStatus s;
+    s.steps = steps_.load(kRelaxed);
+    s.force = force_.load(kRelaxed);
+    s.lag = lag_.load(kRelaxed);
+    s.torque = torque_.load(kRelaxed);
+    s.heat = heat_.load(kRelaxed);
+    for (std::size_t k = 0; k < kTissueCount; ++k) s.removed[k] = removed_[k].load(kRelaxed);
+    s.stalled = stalled_.load(kRelaxed);
+    s.running = running_.load(kRelaxed);
+    s.vibrates = vibrates_.load(kRelaxed);
+    s.longest_step = longest_.load(kRelaxed);
+    return s;
+  }
+
+ private:
+  static constexpr auto kRelaxed = std::memory_order_relaxed;
+  std::atomic<std::int64_t> steps_ = 0;
+  std::atomic<double> force_ = 0, lag_ = 0, torque_ = 0, heat_ = 0, longest_ = 0;
+  std::array<std::atomic<double>, kTissueCount> removed_{};
+  std::atomic<bool> stalled_ = false, running_ = false, vibrates_ = false;
+};
+
+}  // namespace toothprep

@@ -1,0 +1,60 @@
+// Figures of the ticks for the end of a session, gathered on the servo's thread in fixed memory.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+#include "toothprep/tools/live/live_loop.h"
+
+namespace toothprep {
+
+// Counts in steps of a microsecond.
+class Microseconds {
+ public:
+  void add(double seconds) noexcept {
+    const double us = 1e6 * seconds;
+    ++counts_[static_cast<std::size_t>(std::clamp(us, 0.0, kBins - 1.0))];
+    ++total_;
+    worst_ = std::max(worst_, us);
+  }
+  // The value below which this share of the entries lies, to a microsecond upwards; us.
+  double quantile(double share) const noexcept {
+    const auto wanted = static_cast<std::int64_t>(share * static_cast<double>(total_));
+    std::int64_t seen = 0;
+    for (std::size_t b = 0; b < counts_.size(); ++b) {
+      seen += counts_[b];
+      if (seen > wanted) return std::min(static_cast<double>(b + 1), worst_);
+    }
+    return worst_;
+  }
+  double worst() const noexcept { return worst_; }
+  std::int64_t total() const noexcept { return total_; }
+
+ private:
+  static constexpr int kBins = 10000;  // 10 ms
+  std::array<std::int64_t, kBins> counts_{};
+  std::int64_t total_ = 0;
+  double worst_ = 0;
+};
+
+struct TickStatistics {
+  Microseconds step, period;
+  std::int64_t ticks = 0, missed = 0, clamped = 0, rate_limited = 0, heat_limited = 0;
+  double last_time = 0;
+
+  void add(const LiveTick& tick) noexcept {
+    step.add(tick.step_seconds);
+    if (ticks > 0) {
+      period.add(tick.servo_time - last_time);
+      missed += tick.missed;
+    }
+    last_time = tick.servo_time;
+    ++ticks;
+    clamped += (tick.flags & kForceClamped) != 0;
+    rate_limited += (tick.flags & kForceRateLimited) != 0;
+    heat_limited += (tick.flags & kForceHeatLimited) != 0;
+  }
+};
+
+}  // namespace toothprep

@@ -1,0 +1,82 @@
+// The geometry of a preparation, measured on what the bur left: floors, walls, margin, reduction,
+// undercut, remaining dentin.
+//
+// Frame. d is the occlusal axis, out of the tooth through the opening; u points mesially and v
+// buccally, both across d. They are given, or recorded with the tooth, or found from the cut
+// itself; heights are along d.
+//
+// The cut surface is the part of the prepared surface that lies deeper than a tolerance inside the
+// original. Its facets are floors where the normal is within 45° of d, walls otherwise. Figures of
+// a wall come from the middle third of its height, as the literature does with sections (Goodacre
+// et al., J Prosthet Dent 2001;85:363-376): the rounded line angles at both ends don't count. An
+// area-weighted mean of normals depends on a patch's rim only, so roughness doesn't tilt a wall.
+//
+// Every figure's exact definition stands with its key in tools/score/DEFINITIONS.md; uncertainties are
+// D/2 for lengths and atan(D / height) for a wall's angle (D the voxel size), which is what a scan
+// allows, not the arithmetic: on exact surfaces the errors are far smaller (README.md).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toothprep/step/tooth/layered_tooth.h"
+#include "toothprep/tools/mesh/surface.h"
+#include "toothprep/tools/preparation/quantity.h"
+#include "toothprep/tools/preparation/section.h"
+
+namespace toothprep {
+
+enum class PreparationType { kCrown, kClass1, kClass2 };
+constexpr std::array<std::string_view, 3> kPreparationTypes = {"crown", "class1", "class2"};
+
+struct PreparationOptions {
+  PreparationType type = PreparationType::kClass1;
+  // Directions in W, any length. What isn't given is read from the original's metadata
+  // (`axis_occlusal`, `axis_mesial`, `axis_buccal`: "x y z"), or else found from the cut.
+  std::optional<Vec3> occlusal, mesial, buccal;
+  // An undercut shallower than this isn't told, mm. Scans and burs leave ripples that a bare test
+  // of normals takes for undercuts.
+  double undercut_threshold = 0.03;
+  // How deep in the original the prepared surface counts as cut, mm; 0: a tenth of a voxel.
+  double cut_tolerance = 0;
+};
+
+// What kind a cut is, judged by its walls and floors: a crown where most of the walls' area faces
+// away from the tooth, a class II where two floors lie at different heights and the walls leave a
+// side open, else a class I. Of `options` the directions are read. Throws as measure_preparation().
+PreparationType guess_type(const LayeredTooth& original, const LayeredTooth& prepared,
+                           const TriangleMesh& surface, const PreparationOptions& options);
+
+struct PreparationFrame {
+  Vec3 origin = Vec3::Zero();  // mm, W: the middle of the cut surface
+  Vec3 u = Vec3::UnitX(), v = Vec3::UnitY(), d = Vec3::UnitZ();  // unit, W
+  std::string axis_source;   // of d: "given", "recorded" or "found"
+  bool sides_known = false;  // u is mesial and v buccal, not just u and v
+
+  double along_u(const Vec3& x) const { return (x - origin).dot(u); }
+  double along_v(const Vec3& x) const { return (x - origin).dot(v); }
+  double height(const Vec3& x) const { return (x - origin).dot(d); }
+};
+
+struct Preparation {
+  Quantities quantities;
+  std::vector<Section> sections;
+  std::vector<std::string> notes;  // what a reader must know of the figures
+  PreparationFrame frame;
+  Vec3 path_of_draw = Vec3::UnitZ();                      // unit, W: the best path found
+  std::vector<std::uint32_t> undercut_triangles;          // of the prepared surface given
+  std::optional<Vec3> deepest_undercut, thinnest_dentin;  // mm, W: places
+};
+
+// Measures `prepared`, cut from `original` (same lattice). `surface` is prepared's, as
+// extract_surface() gives it: facets of about a voxel. `target` is drawn in the sections only.
+// Throws Error where there is nothing to measure: no cut surface of at least 30 facets, or none
+// that is a wall or floor of the type asked for.
+Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth& prepared,
+                                const TriangleMesh& surface, const PreparationOptions& options,
+                                const LayeredTooth* target = nullptr);
+
+}  // namespace toothprep

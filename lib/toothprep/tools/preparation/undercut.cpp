@@ -1,0 +1,111 @@
+#include "toothprep/tools/preparation/undercut.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace toothprep {
+namespace {
+
+constexpr double kDeepest = 3;        // mm: undercuts deeper than this count as this deep
+constexpr double kStep = 0.02;        // mm, of the search along the side
+constexpr double kOffSurface = 1e-3;  // mm
+
+// How far from x along `side` (unit, across the path) the way out is free; kDeepest if nowhere.
+double free_after(const TriangleTree& tree, const Vec3& x, const Vec3& side, const Vec3& path,
+                  double stop) {
+  double blocked = 0;
+  for (double t = kStep; t < stop; t += kStep) {
+    if (tree.hits(x + t * side, path)) {
+      blocked = t;
+      continue;
+    }
+    double free = t;
+    while (free - blocked > 1e-3) {
+      const double middle = (free + blocked) / 2;
+      (tree.hits(x + middle * side, path) ? blocked : free) = middle;
+    }
+    return free;
+  }
+  return stop;
+}
+
+}  // namespace
+
+Vec3 best_path_of_draw(const CutFacets& facets, const Vec3& axis) {
+  const double slack = std::sin(std::numbers::pi / 180);
+  const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
+  double total = 0;
+  for (const Facet& f : facets.all()) total += f.area;
+  const auto path_at = [&](double x, double y) -> Vec3 {
+    return (axis + x * a + y * b).normalized();
+  };
+  const auto cost = [&](double x, double y) {
+    const Vec3 p = path_at(x, y);
+    double sum = 0;
+    for (const Facet& f : facets.all()) {
+      const double missing = slack - f.normal.dot(p);
+      if (missing > 0 && !f.crease) sum += f.area * missing * missing;
+    }
+    return sum / total + 1e-5 * (x * x + y * y);
+  };
+  const double limit = std::tan(std::numbers::pi / 6);
+  double x = 0, y = 0, best = cost(0, 0);
+  for (double step = 0.1; step > 1e-4;) {  // a pattern search: two unknowns, a convex cost
+    bool moved = false;
+    for (const auto& [dx, dy] : {std::pair{1., 0.}, {-1., 0.}, {0., 1.}, {0., -1.}}) {
+      const double tx = x + step * dx, ty = y + step * dy;
+      if (tx * tx + ty * ty > limit * limit) continue;
+      if (const double c = cost(tx, ty); c < best) {
+        best = c;
+        x = tx;
+        y = ty;
+        moved = true;
+        break;
+      }
+    }
+    if (!moved) step /= 2;
+  }
+  return path_at(x, y);
+}
+
+Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, const Vec3& path,
+                        double threshold, const std::vector<double>& ways_down) {
+  std::vector<double> depth(facets.size(), 0);
+  tbb::parallel_for(std::size_t{0}, facets.size(), [&](std::size_t i) {
+    const Facet& f = facets[i];
+    if (f.crease) return;
+    const Vec3 x = f.centroid + kOffSurface * f.normal;
+    if (!prepared.hits(x, path)) return;
+    const Vec3 flat = f.normal - f.normal.dot(path) * path;
+    const Vec3 side = flat.norm() > 1e-6 ? Vec3(flat.normalized()) : Vec3(path.unitOrthogonal());
+    const Vec3 other = path.cross(side);
+    double least = kDeepest;
+    // The way out is mostly the way the wall faces; under a ceiling it may be any.
+    const int ways = std::abs(f.normal.dot(path)) > 0.7 ? 8 : 3;
+    for (int k = 0; k < ways; ++k) {
+      const double turn = ways == 8 ? k * std::numbers::pi / 4 : (k - 1) * std::numbers::pi / 6;
+      const Vec3 way = std::cos(turn) * side + std::sin(turn) * other;
+      least = std::min(least, free_after(prepared, x, way, path, least));
+    }
+    depth[i] = least;
+  });
+  Undercut result;
+  for (std::uint32_t i = 0; i < facets.size(); ++i) {
+    if (!(depth[i] > threshold)) continue;
+    result.facets.push_back(i);
+    result.area += facets[i].area;
+    const double overhang = -facets[i].normal.dot(path);
+    const double at_the_floor =
+        depth[i] + (std::isnan(ways_down[i]) ? 0 : ways_down[i] * std::max(0.0, overhang));
+    if (at_the_floor > result.deepest) {
+      result.deepest = at_the_floor;
+      result.place = facets[i].centroid;
+    }
+  }
+  return result;
+}
+
+}  // namespace toothprep

@@ -1,0 +1,24 @@
+// Colours, in linear light with sRGB's primaries.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "toothprep/step/core/tissue.h"
+
+namespace toothprep {
+
+using Colour = Eigen::Array3f;  // linear, 0 to 1
+
+Colour colour_from_srgb(int red, int green, int blue);  // 0 to 255 each
+float srgb_from_linear(float linear);                   // 0 to 1 both, clamped
+
+// Of a surface under white light. Air: of a surface of which nothing is known.
+Colour tissue_colour(Tissue tissue);
+
+// Blue (-1) over white (0) to red (1), beyond the ends the ends'; even steps look even, lightness
+// tells the magnitude (ColorBrewer's RdBu reversed, without its two
+// darkest classes, which shade would turn black: Harrower and Brewer, Cartogr J
+// 2003;40:27-37). Grey for NaN.
+Colour diverging_colour(float value);
+
+}  // namespace toothprep

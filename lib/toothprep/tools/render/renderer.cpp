@@ -1,0 +1,363 @@
+#include "toothprep/tools/render/renderer.h"
+
+#include <tbb/blocked_range2d.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/tooth/level_at.h"
+#include "toothprep/tools/mesh/triangle_tree.h"
+#include "toothprep/tools/render/mesh_normals.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr double kPi = 3.14159265358979323846;
+
+// A number in [0, 1) for each pixel, of which near ones differ much (J. Jimenez, SIGGRAPH 2014).
+double pixel_noise(int x, int y) {
+  const double v = 52.9829189 * std::fmod(0.06711056 * x + 0.00583715 * y, 1.0);
+  return v - std::floor(v);
+}
+
+// The digits of i mirrored behind the point: 0.1, 0.01, 0.11, ... (van der Corput).
+double radical_inverse(int i, int base) {
+  double value = 0, place = 1.0 / base;
+  for (; i > 0; i /= base, place /= base) value += place * (i % base);
+  return value;
+}
+
+double fraction(double v) { return v - std::floor(v); }
+
+struct Seen {
+  double depth = kInfinity;    // mm from the camera's plane
+  Vec3 point = Vec3::Zero();   // mm, W
+  Vec3 face = Vec3::Zero();    // the triangle's normal, towards the camera
+  Vec3 normal = Vec3::Zero();  // for shading, towards the camera
+  bool on_cut = false;
+  Tissue tissue = Tissue::kAir;
+  float deviation = kNan;  // mm
+  Colour colour = Colour::Zero();
+  bool figure = false;  // the colour is a figure to be read: little shade
+};
+
+}  // namespace
+
+struct Renderer::Part {
+  RenderPart part;
+  TriangleTree tree;
+  std::vector<Eigen::Vector3f> normals;  // three per triangle
+
+  explicit Part(RenderPart given)
+      : part(std::move(given)),
+        tree(part.mesh),
+        normals(corner_normals(part.mesh, part.smoothing)) {
+    const std::size_t vertices = part.mesh.vertices.size();
+    if (!part.mesh.tissue.empty() && part.mesh.tissue.size() != vertices)
+      throw Error("the mesh has " + std::to_string(vertices) + " vertices, but " +
+                  std::to_string(part.mesh.tissue.size()) + " tissues");
+    if (!part.deviation.empty() && part.deviation.size() != vertices)
+      throw Error("the mesh has " + std::to_string(vertices) + " vertices, but " +
+                  std::to_string(part.deviation.size()) + " deviations");
+  }
+
+  bool solid_at(const Vec3& x, const Vec3& forward) const {
+    if (part.tooth) return level_at(part.tooth->solid, part.tooth->lattice, x) < 0;
+    const auto out = tree.first_hit(x, forward);
+    return out && tree.normal(out->triangle).dot(forward) > 0;
+  }
+
+  Vec3 shading_normal(const SurfacePoint& at) const {
+    if (part.tooth) {
+      const Vec3 n = level_normal(*part.tooth, at.point);
+      if (n.squaredNorm() > 0) return n;
+    }
+    Vec3 n = Vec3::Zero();
+    for (int k = 0; k < 3; ++k) n += at.weights[k] * normals[3 * at.triangle + k].cast<double>();
+    return n.norm() > 1e-6 ? n.normalized() : tree.normal(at.triangle);
+  }
+
+  void describe_surface(const SurfacePoint& at, double range, Seen& seen) const {
+    const auto& corner = part.mesh.triangles[at.triangle];
+    int nearest = 0;
+    at.weights.maxCoeff(&nearest);
+    if (part.tooth)  // a little below the surface, where the tissues differ for certain
+      seen.tissue =
+          tissue_in(*part.tooth, at.point - 0.25 * part.tooth->lattice.voxel * seen.normal);
+    else if (!part.mesh.tissue.empty())
+      seen.tissue = static_cast<Tissue>(
+          std::min<std::uint8_t>(part.mesh.tissue[corner[nearest]], kTissueCount));
+    if (!part.deviation.empty()) {
+      double sum = 0;
+      for (int k = 0; k < 3; ++k)
+        if (at.weights[k] > 0) sum += at.weights[k] * part.deviation[corner[k]];
+      seen.deviation = static_cast<float>(sum);
+    }
+    switch (part.colour) {
+      case ColourBy::kDeviation:
+        seen.colour = diverging_colour(static_cast<float>(seen.deviation / range));
+        seen.figure = true;
+        return;
+      case ColourBy::kPlain:
+        seen.colour = tissue_colour(Tissue::kAir);
+        return;
+      case ColourBy::kTissue:
+        break;
+    }
+    seen.colour = tissue_colour(seen.tissue);
+    if (part.tooth || part.mesh.tissue.empty()) return;
+    seen.colour = Colour::Zero();
+    for (int k = 0; k < 3; ++k)
+      seen.colour += static_cast<float>(at.weights[k]) *
+                     tissue_colour(static_cast<Tissue>(
+                         std::min<std::uint8_t>(part.mesh.tissue[corner[k]], kTissueCount)));
+  }
+
+  void describe_cut(const Vec3& at, Seen& seen) const {
+    if (part.tooth) seen.tissue = tissue_in(*part.tooth, at);
+    seen.colour = part.colour == ColourBy::kTissue && part.tooth ? tissue_colour(seen.tissue)
+                                                                 : Colour(0.50f, 0.47f, 0.43f);
+  }
+};
+
+// One picture: what all its pixels share.
+struct Renderer::Pass {
+  const std::vector<Part>& parts;
+  const Camera& camera;
+  const RenderOptions& options;
+  double reach;  // of the ambient light, mm
+  double lift;   // mm: rays start this far above the surface, so as not to meet it
+  std::optional<CutPlane> cut;
+  Vec3 key, fill, sky, key_u, key_v;
+
+  // The part of a ray behind the cut; `entry`: it begins on the cut, seen from the removed side.
+  bool kept(const Vec3& origin, const Vec3& along, double& from, double& to, bool& entry) const {
+    entry = false;
+    if (!cut) return true;
+    const double height = (origin - cut->point).dot(cut->normal);
+    const double slope = along.dot(cut->normal);
+    if (std::abs(slope) < 1e-12) return height <= 0;
+    const double meets = -height / slope;
+    if (slope > 0) {
+      to = std::min(to, meets);
+    } else if (meets > from) {
+      from = meets;
+      entry = true;
+    }
+    return from < to;
+  }
+
+  bool look(const Vec3& origin, bool ghosts, Seen& seen) const {
+    double from = 0, to = kInfinity;
+    bool entry = false;
+    if (!kept(origin, camera.forward, from, to, entry)) return false;
+    const Part* part = nullptr;
+    SurfacePoint at;
+    double nearest = std::min(to, 1e6);
+    for (const Part& p : parts) {
+      if (p.part.ghost != ghosts) continue;
+      if (entry && !ghosts) {
+        const Vec3 x = origin + from * camera.forward;
+        if (p.solid_at(x, camera.forward)) {
+          seen.depth = from;
+          seen.point = x;
+          seen.face = seen.normal = cut->normal;
+          seen.on_cut = true;
+          p.describe_cut(x, seen);
+          return true;
+        }
+      }
+      const auto hit = p.tree.first_hit(origin, camera.forward, from, nearest);
+      if (!hit) continue;
+      nearest = hit->distance;
+      at = *hit;
+      part = &p;
+    }
+    if (!part) return false;
+    seen.depth = at.distance;
+    seen.point = at.point;
+    seen.face = part->tree.normal(at.triangle);
+    seen.normal = part->shading_normal(at);
+    if (seen.face.dot(camera.forward) > 0) {  // the inside of an open shell
+      seen.face = -seen.face;
+      seen.normal = -seen.normal;
+    }
+    part->describe_surface(at, options.range, seen);
+    // Smoothed normals may lean away from the eye at an outline.
+    const double away = seen.normal.dot(camera.forward);
+    if (away > -0.01) seen.normal = (seen.normal - (away + 0.01) * camera.forward).normalized();
+    return true;
+  }
+
+  bool blocked(const Vec3& from, const Vec3& along, double length) const {
+    double near = 0, far = length;
+    bool entry = false;
+    if (!kept(from, along, near, far, entry)) return false;
+    return std::any_of(parts.begin(), parts.end(), [&](const Part& p) {
+      return !p.part.ghost && p.tree.hits(from, along, near, far);
+    });
+  }
+
+  // Of `total` directions over the hemisphere the rays first, first + step, ...: the share that
+  // sees the sky. Directions are cosine-distributed (Hammersley's points), lengths spread so that
+  // an obstacle at distance t counts 1 - (t / reach)^2.
+  float sky_seen(const Seen& seen, int first, int step, int total, double turn) const {
+    const Vec3 u = seen.normal.unitOrthogonal(), v = seen.normal.cross(u);
+    const Vec3 start = seen.point + lift * seen.face;
+    int rays = 0, open = 0;
+    for (int i = first; i < total; i += step) {
+      const double r2 = (i + 0.5) / total;
+      const double angle = 2 * kPi * (radical_inverse(i, 2) + turn);
+      const double length = reach * std::sqrt(fraction(radical_inverse(i, 3) + turn));
+      const double r = std::sqrt(r2);
+      const Vec3 along =
+          r * std::cos(angle) * u + r * std::sin(angle) * v + std::sqrt(1 - r2) * seen.normal;
+      ++rays;
+      if (along.dot(seen.face) <= 0 || !blocked(start, along, length)) ++open;
+    }
+    return rays > 0 ? static_cast<float>(open) / static_cast<float>(rays) : 1.f;
+  }
+
+  float key_seen(const Seen& seen, int sample, int total, double turn) const {
+    const double r = 0.12 * std::sqrt((sample + 0.5) / total);  // a disc of 7° around the key light
+    const double angle = 2 * kPi * (radical_inverse(sample, 2) + turn);
+    const Vec3 along =
+        (key + r * std::cos(angle) * key_u + r * std::sin(angle) * key_v).normalized();
+    if (along.dot(seen.face) <= 0) return 0;
+    return blocked(seen.point + lift * seen.face, along, 1e6) ? 0.f : 1.f;
+  }
+
+  Colour shade(const Seen& seen, float open, float lit) const {
+    const auto facing = [&](const Vec3& light) {
+      return static_cast<float>(std::max(0.0, seen.normal.dot(light)));
+    };
+    // Light thrown to and fro between walls of this colour: a geometric series.
+    const Colour bounced = open / (1 - 0.8f * seen.colour * (1 - open));
+    const float upward = static_cast<float>(seen.normal.dot(sky));
+    Colour light = bounced * (0.40f + 0.08f * upward);
+    light += 0.66f * lit * facing(key);
+    light += (0.3f + 0.7f * open) * 0.16f * facing(fill);
+    const Vec3 half = (key - camera.forward).normalized();
+    const float gloss = seen.on_cut ? 0.f : 0.07f * lit * std::pow(facing(half), 50.f);
+    if (seen.figure) light = 0.5f + 0.5f * light;
+    return seen.colour * light + (seen.figure ? 0.f : gloss);
+  }
+
+  // A tint before what lies behind, denser where the glass is seen at a slant: colour, alpha.
+  void add_ghost(const Vec3& origin, double depth, Colour& colour, float& alpha) const {
+    Seen glass;
+    if (!look(origin, true, glass) || glass.depth > depth - lift) return;
+    const float slant = 1 - static_cast<float>(-glass.normal.dot(camera.forward));
+    const float density = 0.20f + 0.60f * slant * slant * slant;
+    const Colour tint(0.30f, 0.48f, 0.62f);
+    colour = density * tint + (1 - density) * colour;
+    alpha = density + (1 - density) * alpha;
+  }
+
+  void draw_pixel(int x, int y, bool any_ghost, Image& image) const {
+    const std::size_t p = image.pixel(x, y);
+    Seen centre;
+    if (look(camera.place(x + 0.5, y + 0.5), false, centre)) {
+      image.depth[p] = static_cast<float>(centre.depth);
+      for (int k = 0; k < 3; ++k) image.normal[3 * p + k] = static_cast<float>(centre.normal[k]);
+      image.tissue[p] = static_cast<float>(centre.tissue);
+      image.deviation[p] = centre.deviation;
+    }
+    const int n = options.samples, total = n * n;
+    const int rays = std::max(1, (options.ambient_rays + total - 1) / total) * total;
+    const double turn = pixel_noise(x, y);
+    Eigen::Array4f sum = Eigen::Array4f::Zero();
+    for (int s = 0; s < total; ++s) {
+      const Vec3 origin = camera.place(x + (s % n + 0.5) / n, y + (s / n + 0.5) / n);
+      Seen seen;
+      Colour colour = Colour::Zero();
+      float alpha = 0;
+      if (look(origin, false, seen)) {
+        colour = shade(seen, sky_seen(seen, s, total, rays, turn), key_seen(seen, s, total, turn));
+        alpha = 1;
+      }
+      if (any_ghost) add_ghost(origin, seen.depth, colour, alpha);
+      sum += Eigen::Array4f(colour[0], colour[1], colour[2], alpha);
+    }
+    for (int k = 0; k < 4; ++k) image.rgba[4 * p + k] = sum[k] / static_cast<float>(total);
+  }
+};
+
+Renderer::Renderer(std::vector<RenderPart> parts) {
+  low_ = Vec3::Constant(kInfinity);
+  high_ = -low_;
+  for (RenderPart& part : parts) {
+    for (const auto& v : part.mesh.vertices) {
+      low_ = low_.cwiseMin(v.cast<double>());
+      high_ = high_.cwiseMax(v.cast<double>());
+    }
+    parts_.emplace_back(std::move(part));
+  }
+  if (parts_.empty()) throw Error("there is nothing to draw");
+}
+Renderer::~Renderer() = default;
+Renderer::Renderer(Renderer&&) noexcept = default;
+
+std::vector<const TriangleMesh*> Renderer::meshes() const {
+  std::vector<const TriangleMesh*> meshes;
+  for (const Part& p : parts_) meshes.push_back(&p.part.mesh);
+  return meshes;
+}
+
+Vec3 Renderer::middle() const { return 0.5 * (low_ + high_); }
+
+Image Renderer::render(const Camera& camera, const RenderOptions& options) const {
+  if (options.samples < 1 || options.samples > 16)
+    throw Error("the samples per pixel must lie in 1 to 16 (each way)");
+  if (options.ambient_rays < 0 || options.ambient_rays > 100000)
+    throw Error("the ambient rays per pixel must lie in 0 to 100000");
+  if (!(options.range > 0 && std::isfinite(options.range)))
+    throw Error("the range of the deviation must be positive, in mm");
+  if (!(options.ambient_reach >= 0 && std::isfinite(options.ambient_reach)))
+    throw Error("the reach of the ambient light must not be negative");
+  const double radius = std::max(0.5 * (high_ - low_).norm(), 1e-6);
+  Pass pass{parts_,
+            camera,
+            options,
+            options.ambient_reach > 0 ? options.ambient_reach : 0.3 * radius,
+            2e-4 * radius,
+            options.cut,
+            {},
+            {},
+            {},
+            {},
+            {}};
+  if (pass.cut) {
+    if (!pass.cut->point.allFinite() || !pass.cut->normal.allFinite() ||
+        pass.cut->normal.stableNorm() == 0)
+      throw Error("the cut's plane needs a point and a direction");
+    pass.cut->normal = pass.cut->normal.stableNormalized();
+  }
+  const auto light = [&](double right, double up, double near) {
+    return Vec3(right * camera.right + up * camera.up - near * camera.forward).normalized();
+  };
+  pass.key = light(-0.55, 0.70, 0.85);
+  pass.key_u = pass.key.unitOrthogonal();
+  pass.key_v = pass.key.cross(pass.key_u);
+  pass.fill = light(0.85, -0.15, 0.60);
+  pass.sky = light(0, 0.8, 0.6);
+  const bool any_ghost =
+      std::any_of(parts_.begin(), parts_.end(), [](const Part& p) { return p.part.ghost; });
+
+  Image image = empty_image(camera);
+  tbb::parallel_for(tbb::blocked_range2d<int>(0, camera.height, 16, 0, camera.width, 16),
+                    [&](const tbb::blocked_range2d<int>& tile) {
+                      for (int y = tile.rows().begin(); y < tile.rows().end(); ++y)
+                        for (int x = tile.cols().begin(); x < tile.cols().end(); ++x)
+                          pass.draw_pixel(x, y, any_ghost, image);
+                    });
+  return image;
+}
+
+}  // namespace toothprep

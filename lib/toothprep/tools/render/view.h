@@ -1,0 +1,86 @@
+// Where a tooth is looked at from, and how large it is drawn. Always parallel rays: lengths across
+// the picture are true, everywhere.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toothprep/step/core/geometry.h"
+#include "toothprep/tools/mesh/surface.h"
+
+namespace toothprep {
+
+// The directions of a tooth in W, unit and at right angles.
+struct ToothAxes {
+  Vec3 occlusal = Vec3::UnitZ();
+  Vec3 mesial = -Vec3::UnitY();
+  Vec3 buccal = Vec3::UnitX();
+};
+
+// From a tooth's provenance: `axis_occlusal`, `axis_mesial`, `axis_buccal` as "x y z" of any
+// length. What is missing is made up: the crown to +z; mesial to -y (or what lies nearest to it
+// across the others). Throws Error for text that isn't three numbers, and for axes that are zero or
+// parallel.
+ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance);
+
+struct View {
+  std::string name = "oblique";
+  Vec3 direction = -Vec3::UnitZ();  // from the eye into the picture, W; any length
+  Vec3 up = Vec3::UnitY();          // upward in the picture, W; need not be square to `direction`
+};
+
+// The views by name: occlusal (buccal is up), apical, buccal, lingual, mesial, distal (the crown is
+// up), oblique (from the mesial and buccal side, 35° above).
+inline constexpr std::string_view kViewNames[] = {"oblique", "occlusal", "buccal", "lingual",
+                                                  "mesial",  "distal",   "apical"};
+
+// A name of kViewNames, or "X,Y,Z": from there towards the tooth. Throws Error otherwise.
+View view_of(const std::string& text, const ToothAxes& axes);
+
+// The view turned about an axis (W) by radians, as if the tooth turned the other way.
+View turned(View view, const Vec3& axis, double angle);
+
+// A camera for parallel rays. Pixel (0, 0) is at the top left; the centre of pixel (x, y) sees
+// along `forward` from the point
+//   origin + mm_per_pixel * ((x + 1/2 - width / 2) * right - (y + 1/2 - height / 2) * up).
+// Depth is the distance from that plane, mm.
+struct Camera {
+  std::string view = "oblique";
+  Vec3 origin = Vec3::Zero();  // mm, W; nothing that is drawn lies behind it
+  Vec3 right = Vec3::UnitX(), up = Vec3::UnitY(), forward = -Vec3::UnitZ();  // unit, W
+  int width = 0, height = 0;
+  double mm_per_pixel = 1;
+
+  // Where the place `x`, `y` pixels from the top left corner lies, mm, W.
+  Vec3 place(double x, double y) const {
+    return origin + mm_per_pixel * ((x - 0.5 * width) * right - (y - 0.5 * height) * up);
+  }
+};
+
+struct Fit {
+  int width = 1200, height = 900;  // pixels
+  double margin = 0.06;            // of the picture, left free at each side
+  double zoom = 1;
+  std::optional<Vec3> centre;  // W: what stands in the middle; else that of the meshes' outline
+  double mm_per_pixel = 0;     // if not 0: this, whatever would fit
+};
+
+// The camera in which all of the meshes' vertices are seen (unless zoomed).
+// Throws Error for a picture that isn't 16 to 16384 pixels wide and high, more than 100 million
+// pixels, a zoom that isn't positive and finite, a view without direction, or no vertices.
+Camera fit_camera(const View& view, const std::vector<const TriangleMesh*>& meshes, const Fit& fit);
+
+// What is in front of a plane is taken away: where (x - point) . normal > 0.
+struct CutPlane {
+  Vec3 point = Vec3::Zero();    // mm, W
+  Vec3 normal = Vec3::UnitX();  // any length
+};
+
+// "X,Y,Z,NX,NY,NZ", or one of kViewNames but oblique: the plane through `middle` whose removed part
+// lies to that side. Throws Error otherwise.
+CutPlane cut_of(const std::string& text, const ToothAxes& axes, const Vec3& middle);
+
+}  // namespace toothprep

@@ -1,0 +1,67 @@
+// A scan's values, some slices at a time: what a scan needs in memory does not grow with its
+// length.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "toothprep/tools/io/image_volume.h"
+
+namespace toothprep {
+
+class ScanSource {
+ public:
+  virtual ~ScanSource() = default;
+  ScanSource(const ScanSource&) = delete;
+  ScanSource& operator=(const ScanSource&) = delete;
+
+  // Where the values stand: LPS, mm.
+  const ImageFrame& frame() const { return frame_; }
+
+  // Slices `first` .. `first + count - 1` along the image's third axis, x fastest, to `values`
+  // (count * size.x * size.y). Going up through the slices is what every source does at its best.
+  // Throws InputError for values that are not there or cannot be decoded.
+  virtual void read(int first, int count, float* values) = 0;
+
+  // What was changed or assumed, a sentence each; complete once all slices were read.
+  virtual std::vector<std::string> notes() const { return {}; }
+
+  const std::string& path() const { return path_; }  // for messages
+
+ protected:
+  ScanSource(std::string path, ImageFrame frame)
+      : path_(std::move(path)), frame_(std::move(frame)) {}
+
+ private:
+  std::string path_;
+  ImageFrame frame_;
+};
+
+// A volume that is in memory already; it must live as long as what is returned.
+std::unique_ptr<ScanSource> source_of(const ImageVolume<float>& volume, std::string path = {});
+
+// One that holds its volume.
+std::unique_ptr<ScanSource> owning_source(ImageVolume<float> volume, std::string path,
+                                          std::vector<std::string> notes = {});
+
+// visit(first, count, values) for all slices, upwards, in slabs of a few dozen MB; the calls' slabs
+// differ only in how the slices are grouped. `progress` is told the share that is read (0..1).
+// After the last slab throws InputError if a value was NaN or infinite.
+using VisitSlab = std::function<void(int first, int count, const float* values)>;
+void for_each_slab(ScanSource& source, const VisitSlab& visit,
+                   const std::function<void(double)>& progress = {});
+
+// The same of slices `first` .. `last` only, whose values are not checked.
+void for_each_slab(ScanSource& source, int first, int last, const VisitSlab& visit,
+                   const std::function<void(double)>& progress = {});
+
+// All of it at once; checked as for_each_slab does.
+ImageVolume<float> read_all(ScanSource& source);
+
+// As labels; throws InputError too if a value is not an integer in 0..65535.
+ImageVolume<std::uint16_t> read_labels(ScanSource& source);
+
+}  // namespace toothprep

@@ -1,0 +1,184 @@
+#include "toothprep/tools/score/assess.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/tools/compare/cut_surface.h"
+
+namespace toothprep {
+namespace {
+
+// A surface that was resampled or laid on another one has a skin of noise; what lies within it
+// doesn't count as cut.
+constexpr double kResampledSkin = 0.3;  // voxels
+constexpr double kResiduals = 3;        // registration residuals (RMS)
+
+std::string text_of(const char* format, double a, double b = 0, double c = 0) {
+  char text[256];
+  std::snprintf(text, sizeof text, format, a, b, c);
+  return text;
+}
+
+PreparationType type_named(const std::string& name) {
+  return static_cast<PreparationType>(
+      std::find(kPreparationTypes.begin(), kPreparationTypes.end(), name) -
+      kPreparationTypes.begin());
+}
+
+void add_volumes(Quantities& quantities, const VolumeComparison& volumes, double voxel) {
+  const auto add = [&](const std::string& key, double value) {
+    quantities.push_back({key, value, volume_uncertainty_mm3(value, voxel), "mm^3"});
+  };
+  for (int k = 0; k < kTissueCount; ++k)
+    if (volumes.original.tissue[k] > 0)
+      add("removed_mm3." + std::string(kTissueNames[k]), volumes.removed.tissue[k]);
+  add("removed_mm3.total", volumes.removed.total);
+  const auto other = static_cast<std::size_t>(tissue_index(Tissue::kOther));
+  const bool layered = volumes.original.tissue[0] > 0 || volumes.original.tissue[1] > 0;
+  if (layered && volumes.original.tissue[other] > 0)
+    add("neighbour_damage_mm3", volumes.removed.tissue[other]);
+  if (!volumes.has_target) return;
+  add("required_mm3", volumes.required.total);
+  add("removed_inside_mm3", volumes.inside.total);
+  add("over_prepared_mm3", volumes.over.total);
+  add("under_prepared_mm3", volumes.under.total);
+  for (int k = 0; k < kTissueCount; ++k)
+    if (volumes.original.tissue[k] > 0)
+      add("over_prepared_by_tissue_mm3." + std::string(kTissueNames[k]), volumes.over.tissue[k]);
+  if (std::isfinite(volumes.dice)) quantities.push_back({"dice", volumes.dice, NAN, "1"});
+}
+
+void add_deviation(Quantities& quantities, const Deviation& deviation, double voxel) {
+  const auto add = [&](const std::string& key, double value, double uncertainty, const char* unit) {
+    quantities.push_back({key, value, uncertainty, unit});
+  };
+  add("deviation_mean_mm", deviation.mean_mm, voxel / 10, "mm");
+  add("deviation_rms_mm", deviation.rms_mm, voxel / 5, "mm");
+  add("deviation_p95_mm", deviation.p95_mm, voxel / 2, "mm");
+  add("hausdorff_mm", deviation.hausdorff_mm, voxel, "mm");
+  add("deviation_within_0_1mm", deviation.share_within_0_1, NAN, "1");
+  add("deviation_within_0_2mm", deviation.share_within_0_2, NAN, "1");
+}
+
+// `solid` in the original's frame and lattice. Adds to `skin` (mm) what the way there left.
+Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions& options,
+             const char* role, Quantities& quantities, std::vector<std::string>& notes,
+             double& skin) {
+  Pose motion;
+  if (options.register_teeth) {
+    const SurfaceRegistration registration = register_surfaces(solid, original);
+    motion = registration.motion;
+    for (const std::string& note : registration.notes) notes.push_back(solid.file + ": " + note);
+    notes.push_back(
+        std::string("the ") + role +
+        text_of(" tooth was laid on the original: turned by %.3g degrees, moved by %.3g "
+                "mm, residual %.3g mm (RMS)",
+                registration.angle_deg, registration.shift_mm, registration.residual_rms_mm));
+    if (std::string(role) == "prepared")
+      quantities.push_back({"registration_rms_mm", registration.residual_rms_mm, NAN, "mm"});
+    skin = std::max(skin, kResiduals * registration.residual_rms_mm);
+  }
+  if (!is_identity(motion) || !solid.layered || !original.layered ||
+      !same_lattice(solid.tooth.lattice, original.tooth.lattice))
+    skin = std::max(skin, kResampledSkin * original.tooth.lattice.voxel);
+  return on_lattice(solid, original, motion);
+}
+
+}  // namespace
+
+Assessment assess(const AssessmentOptions& options) {
+  Assessment result;
+  ScoreSheet& sheet = result.sheet;
+  Quantities quantities;
+  if (options.rubric && options.type && type_named(options.rubric->type) != *options.type)
+    throw Error("the rubric '" + options.rubric->name + "' is for the type " +
+                options.rubric->type + ", not " +
+                std::string(kPreparationTypes[static_cast<std::size_t>(*options.type)]) +
+                "; choose another rubric");
+
+  result.original = read_solid(options.original, options.voxel);
+  const double voxel = result.original.tooth.lattice.voxel;
+  const auto input = [&](const char* role, const std::string& file) {
+    sheet.inputs.push_back({role, file, sha256_of_file(file)});
+  };
+  input("original", options.original);
+  input("prepared", options.prepared);
+  double skin = 0;  // mm
+  const Solid prepared = read_solid(options.prepared, voxel);
+  const double coarser = std::max(voxel, prepared.tooth.lattice.voxel);
+  result.prepared =
+      placed(prepared, result.original, options, "prepared", quantities, sheet.notes, skin);
+  if (!options.target.empty()) {
+    input("target", options.target);
+    Quantities unused;
+    result.target = placed(read_solid(options.target, voxel), result.original, options, "target",
+                           unused, sheet.notes, skin);
+  }
+
+  const VolumeComparison volumes = compare_volumes(result.original, result.prepared,
+                                                   result.target ? &*result.target : nullptr, skin);
+  add_volumes(quantities, volumes, coarser);
+  if (result.target) {
+    DeviationOptions deviation;
+    deviation.cut_tolerance_mm = std::max(skin, cut_tolerance(result.original.tooth.lattice));
+    result.deviation =
+        measure_deviation(result.original, result.prepared, *result.target, deviation);
+    add_deviation(quantities, *result.deviation, coarser);
+  }
+
+  // Geometry is measured on facets of about a voxel, which a mesh need not have.
+  result.preparation_surface = result.prepared.layered && skin == 0
+                                   ? result.prepared.surface
+                                   : extract_surface(result.prepared.tooth, SurfaceOf::kAll);
+  PreparationOptions preparation = options.preparation;
+  preparation.cut_tolerance = skin;
+  if (options.type) {
+    preparation.type = *options.type;
+    sheet.type_from = "given";
+  } else if (options.rubric) {
+    preparation.type = type_named(options.rubric->type);
+    sheet.type_from = "the rubric";
+  } else {
+    preparation.type = guess_type(result.original.tooth, result.prepared.tooth,
+                                  result.preparation_surface, preparation);
+    sheet.type_from = "found";
+    sheet.notes.push_back(
+        "taken as a preparation of type " +
+        std::string(kPreparationTypes[static_cast<std::size_t>(preparation.type)]) +
+        " by its shape; give --type if it is another");
+  }
+  sheet.type = kPreparationTypes[static_cast<std::size_t>(preparation.type)];
+  result.preparation =
+      measure_preparation(result.original.tooth, result.prepared.tooth, result.preparation_surface,
+                          preparation, result.target ? &result.target->tooth : nullptr);
+  for (Quantity q : result.preparation.quantities) {
+    if (q.key == "pulp_exposed" && volumes.pulp_exposed) q.value = 1;
+    quantities.push_back(std::move(q));
+  }
+  sheet.axis = result.preparation.frame.d;
+  sheet.axis_from = result.preparation.frame.axis_source;
+  sheet.voxel_mm = coarser;
+  sheet.notes.insert(sheet.notes.end(), result.preparation.notes.begin(),
+                     result.preparation.notes.end());
+
+  if (!options.trace.empty()) {
+    input("trace", options.trace);
+    result.trace = read_trace(options.trace);
+    if (!result.trace->tooth_sha256.empty() &&
+        result.trace->tooth_sha256 != tooth_sha256(result.original.tooth))
+      sheet.notes.push_back(options.trace +
+                            ": was recorded on another tooth than the original given here");
+    result.process = process_figures(result.trace->rows, options.process);
+    quantities.insert(quantities.end(), result.process->quantities.begin(),
+                      result.process->quantities.end());
+  }
+
+  sheet.quantities = std::move(quantities);
+  if (options.rubric) sheet.result = judge(*options.rubric, sheet.quantities);
+  return result;
+}
+
+}  // namespace toothprep

@@ -1,0 +1,51 @@
+// From files to figures: the whole assessment of a preparation.
+//
+//   original ─┐                           ┌─▶ volumes, deviation   (compare)
+//   prepared ─┼─▶ one frame, one lattice ─┼─▶ floors, walls, ...    (preparation)
+//   target   ─┘    (compare)              └─▶ rubric               (score)
+//   recording ────────────────────────────────▶ process figures    (score)
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toothprep/tools/compare/deviation.h"
+#include "toothprep/tools/compare/registration.h"
+#include "toothprep/tools/compare/solid.h"
+#include "toothprep/tools/compare/volumes.h"
+#include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/preparation/preparation.h"
+#include "toothprep/tools/score/process.h"
+#include "toothprep/tools/score/score_file.h"
+
+namespace toothprep {
+
+struct AssessmentOptions {
+  std::string original, prepared;       // files: .vdb, or closed meshes
+  std::string target, trace;            // files; empty: none
+  std::optional<PreparationType> type;  // absent: the rubric's, or else found
+  std::optional<Rubric> rubric;
+  // Lays prepared and target on the original before anything is compared.
+  bool register_teeth = false;
+  double voxel = 0.1;              // mm, for an original that is a mesh
+  PreparationOptions preparation;  // its type is overwritten
+  ProcessOptions process;
+};
+
+struct Assessment {
+  Solid original, prepared;  // on one lattice
+  std::optional<Solid> target;
+  std::optional<Deviation> deviation;  // of prepared.surface; with a target
+  Preparation preparation;
+  TriangleMesh preparation_surface;  // on which it was measured
+  std::optional<Trace> trace;
+  std::optional<ProcessFigures> process;
+  ScoreSheet sheet;  // with the rubric's result if there is a rubric; toothprep_version is not set
+};
+
+// Throws InputError or Error as the parts do: files that can't be read, meshes that aren't closed,
+// teeth that don't match, an empty preparation, a target outside the tooth.
+Assessment assess(const AssessmentOptions& options);
+
+}  // namespace toothprep

@@ -1,0 +1,190 @@
+#include "toothprep/tools/score/process.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/tools/score/definitions.h"
+
+namespace toothprep {
+namespace {
+
+constexpr int kPulpIndex = tissue_index(Tissue::kPulp);
+constexpr int kOtherIndex = tissue_index(Tissue::kOther);
+
+struct TimedValue {
+  double value = 0, time = 0;  // time: s, how long it lasted
+};
+
+// The smallest of the values that are not exceeded for `share` of the time. Reorders.
+double time_quantile(std::vector<TimedValue>& values, double share) {
+  std::sort(values.begin(), values.end(),
+            [](const TimedValue& a, const TimedValue& b) { return a.value < b.value; });
+  const double total =
+      std::accumulate(values.begin(), values.end(), 0.0,
+                      [](double sum, const TimedValue& v) { return sum + v.time; });
+  double passed = 0;
+  for (const TimedValue& v : values) {
+    passed += v.time;
+    if (passed >= share * total * (1 - 1e-12)) return v.value;  // the sums' own rounding
+  }
+  return values.back().value;
+}
+
+// Collects the spans in which something is so.
+class Episodes {
+ public:
+  Episodes(ProcessEventKind kind, double shortest_gap) : kind_(kind), gap_(shortest_gap) {}
+  void add(double begin, double end) {
+    if (!spans_.empty() && begin - spans_.back().end < gap_)
+      spans_.back().end = end;
+    else
+      spans_.push_back({begin, end, kind_});
+  }
+  const std::vector<ProcessEvent>& spans() const { return spans_; }
+
+ private:
+  ProcessEventKind kind_;
+  double gap_;
+  std::vector<ProcessEvent> spans_;
+};
+
+void check(const std::vector<StepRecord>& rows, const ProcessOptions& options) {
+  if (rows.size() < 2) throw Error("the recording holds no step: two rows are needed");
+  for (std::size_t i = 1; i < rows.size(); ++i)
+    if (!(rows[i].handle.time > rows[i - 1].handle.time))
+      throw Error("the recording's time doesn't increase at row " + std::to_string(i));
+  for (const double limit : {options.force_limit, options.power_limit, options.shortest_gap})
+    if (!(std::isfinite(limit) && limit > 0))
+      throw Error("limits of force, power and gaps must be finite and above 0");
+}
+
+}  // namespace
+
+const char* name_of(ProcessEventKind kind) noexcept {
+  switch (kind) {
+    case ProcessEventKind::kContact:
+      return "contact";
+    case ProcessEventKind::kStall:
+      return "stall";
+    case ProcessEventKind::kPulp:
+      return "pulp touched";
+    case ProcessEventKind::kNeighbour:
+      return "neighbour touched";
+    case ProcessEventKind::kForceLimit:
+      return "force limit";
+  }
+  return "";
+}
+
+ProcessFigures process_figures(const std::vector<StepRecord>& rows, const ProcessOptions& options) {
+  check(rows, options);
+
+  double contact_time = 0, cutting_time = 0, stalled_time = 0, pulp_time = 0, other_time = 0;
+  double above_force = 0, above_power = 0;
+  double path = 0, path_cutting = 0, energy = 0, removed_total = 0;
+  double peak_power = 0, lag = 0;
+  int stalls = 0;
+  std::vector<TimedValue> forces, felt;
+  Episodes contacts(ProcessEventKind::kContact, options.shortest_gap);
+  Episodes stall_spans(ProcessEventKind::kStall, options.shortest_gap);
+  Episodes pulp_spans(ProcessEventKind::kPulp, options.shortest_gap);
+  Episodes other_spans(ProcessEventKind::kNeighbour, options.shortest_gap);
+  Episodes force_spans(ProcessEventKind::kForceLimit, options.shortest_gap);
+
+  lag = (rows[0].handle.pose.position - rows[0].bur.position).norm();
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const StepRecord& before = rows[i - 1];
+    const StepRecord& row = rows[i];
+    const double begin = before.handle.time, end = row.handle.time, h = end - begin;
+
+    PerTissue<bool> touched{};
+    bool contact = false;
+    for (int k = 0; k < kTissueCount; ++k) {
+      const double removed = std::max(0.0, row.removed_volume[k] - before.removed_volume[k]);
+      removed_total += removed;
+      touched[k] = row.contact_area[k] > 0 || removed > 0;
+      contact |= touched[k];
+    }
+    const bool cutting = contact && !row.stalled;
+
+    const double moved = (row.bur.position - before.bur.position).norm();
+    path += moved;
+    lag = std::max(lag, (row.handle.pose.position - row.bur.position).norm());
+    energy += row.power * h;
+    peak_power = std::max(peak_power, row.power);
+    if (row.power > options.power_limit) above_power += h;
+    if (row.stalled) {
+      stalled_time += h;
+      stalls += !before.stalled;
+      stall_spans.add(begin, end);
+    }
+    if (cutting) {
+      cutting_time += h;
+      path_cutting += moved;
+    }
+    if (contact) {
+      contact_time += h;
+      contacts.add(begin, end);
+      forces.push_back({row.grinding_force.norm(), h});
+      felt.push_back({row.device_force.norm(), h});
+      if (forces.back().value > options.force_limit) {
+        above_force += h;
+        force_spans.add(begin, end);
+      }
+    }
+    if (touched[kPulpIndex]) {
+      pulp_time += h;
+      pulp_spans.add(begin, end);
+    }
+    if (touched[kOtherIndex]) {
+      other_time += h;
+      other_spans.add(begin, end);
+    }
+  }
+
+  const double time = rows.back().handle.time - rows.front().handle.time;
+  ProcessFigures result;
+  const auto tell = [&](const std::string& name, double value) {
+    const std::string key = "process." + name;
+    result.quantities.push_back({key, value, NAN, find_definition(key)->unit});
+  };
+  tell("time_s", time);
+  tell("contact_time_s", contact_time);
+  tell("cutting_time_s", cutting_time);
+  tell("path_mm", path);
+  tell("path_cutting_mm", path_cutting);
+  tell("mean_speed_mm_s", path / time);
+  if (cutting_time > 0) tell("mean_feed_mm_s", path_cutting / cutting_time);
+  if (!forces.empty()) {
+    const double p95 = time_quantile(forces, 0.95), felt_p95 = time_quantile(felt, 0.95);
+    tell("peak_force_n", forces.back().value);  // sorted by now
+    tell("force_p95_n", p95);
+    tell("peak_device_force_n", felt.back().value);
+    tell("device_force_p95_n", felt_p95);
+  }
+  tell("time_above_force_limit_s", above_force);
+  // N·mm is mJ, N·mm/s is mW.
+  if (cutting_time > 0) tell("mean_power_w", units::to_watt(energy / cutting_time));
+  tell("peak_power_w", units::to_watt(peak_power));
+  tell("time_above_power_limit_s", above_power);
+  tell("energy_j", units::to_watt(energy));
+  tell("stalls", stalls);
+  tell("stalled_time_s", stalled_time);
+  tell("pulp_contact_s", pulp_time);
+  tell("neighbour_contact_s", other_time);
+  tell("max_lag_mm", lag);
+  if (cutting_time > 0) tell("removal_rate_mm3_s", removed_total / cutting_time);
+  tell("contact_episodes", static_cast<double>(contacts.spans().size()));
+
+  for (const Episodes* episodes :
+       {&contacts, &stall_spans, &pulp_spans, &other_spans, &force_spans})
+    result.events.insert(result.events.end(), episodes->spans().begin(), episodes->spans().end());
+  std::stable_sort(result.events.begin(), result.events.end(),
+                   [](const ProcessEvent& a, const ProcessEvent& b) { return a.begin < b.begin; });
+  return result;
+}
+
+}  // namespace toothprep

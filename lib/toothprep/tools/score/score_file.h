@@ -1,0 +1,53 @@
+// score.json: what was scored, how, with what result.
+//
+//   schema "toothprep-score", schema_version 1, toothprep_version
+//   inputs       {original: {file, sha256}, prepared: ..., ...}
+//   options      {type, type_from, axis, axis_from, voxel_mm, ...}
+//   QUANTITIES   at the top level; a dot in a key makes an object ("removed_mm3": {"enamel": ...}).
+//                What is yes or no is a boolean, what is counted an integer.
+//   uncertainty  {KEY: half width of the 95 % interval}, full keys with their dots
+//   rubric       {name, type, source, pass_points}      these only when a rubric was given
+//   criteria     [{key, name, unit, value, uncertainty, ideal, tolerated, hard_fail, points, of,
+//   verdict, ...}] points_percent, points_percent_low, points_percent_high, passed,
+//   verdict_certain, fail_reasons notes        sentences for people
+//
+// A number that is not finite is never written: the key is absent, an open end of a range is null.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/core/geometry.h"
+#include "toothprep/tools/preparation/quantity.h"
+#include "toothprep/tools/score/rubric.h"
+
+namespace toothprep {
+
+struct ScoreInput {
+  std::string role;    // "original", "prepared", "target", "trace", "rubric": the key
+  std::string file;    // as the user wrote it
+  std::string sha256;  // of the file
+};
+
+struct ScoreSheet {
+  std::string toothprep_version;
+  std::vector<ScoreInput> inputs;
+  std::string type, type_from;     // "class1"; "given", "the rubric", "found"
+  std::optional<Vec3> axis;        // unit, W: from the tooth towards its opening
+  std::string axis_from;           // "given", "found"
+  std::optional<double> voxel_mm;  // the coarser of both teeth
+  std::vector<std::pair<std::string, std::string>> other_options;  // key, value; told as they are
+  Quantities quantities;
+  std::optional<RubricResult> result;  // nothing: no rubric
+  std::vector<std::string> notes;      // warnings and remarks; the rubric's own are added
+};
+
+// The file's text. Same sheet, same text. Throws Error if two quantities have the same key, one is
+// a group and a quantity at once, or one has the name of another member of the file.
+std::string score_json(const ScoreSheet& sheet);
+
+// Writes it to `path` (callers go through OutputFile). Throws Error if that fails.
+void write_score(const ScoreSheet& sheet, const std::string& path);
+
+}  // namespace toothprep

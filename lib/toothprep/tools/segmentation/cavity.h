@@ -1,0 +1,28 @@
+// The dark cavity inside a tooth: pulp chamber and canals, told from the outside by connectivity.
+#pragma once
+
+#include <vector>
+
+#include "toothprep/tools/segmentation/dense_filters.h"
+#include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/work_box.h"
+
+namespace toothprep {
+
+struct Cavity {
+  Mask mask;           // empty if there is none
+  double ball = 0;     // radius of the ball that told inside from outside, voxels
+  Field from_outside;  // distance to where this ball's centre comes from the outside, voxels
+  double grey = 0;     // typical value in it
+  double border = 0;   // grey of its border: half-way to dentin
+};
+
+// Everything that is dark and inside. A cavity counts if it is closed, or if a ball too thick for
+// its openings fits into it: fissures and furcations are dark and narrow too, but no such ball fits
+// in them without coming from the outside. The ball grows (radii of 0.35 to 1 mm) until it finds a
+// cavity of a pulp's size. `blur`: width of the scan's borders, voxels; `margin`: voxels between
+// the tooth and the box's edge, at least.
+Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& classes, double blur,
+                   double margin);
+
+}  // namespace toothprep

@@ -1,0 +1,17 @@
+// The signed distance to the surface where a sampled field is zero, at sub-voxel accuracy.
+#pragma once
+
+#include <vector>
+
+#include "toothprep/step/core/geometry.h"
+
+namespace toothprep {
+
+// `field` has `size` samples (x fastest), positive inside, none of them zero. The surface is the
+// field's zero, linear along the lattice's edges, triangulated cell by cell; the result is the
+// exact Euclidean distance to these triangles in voxels, negative where the field is positive,
+// clamped to +-band. Its error against the surface of a smooth field is that of linear
+// interpolation, of second order in the voxel size. Independent of the number of threads.
+std::vector<float> iso_distance(const Index3& size, const std::vector<float>& field, float band);
+
+}  // namespace toothprep

@@ -1,0 +1,64 @@
+// A CT scan, or a segmentation made elsewhere, to a layered tooth.
+//
+// The tooth stands where the scan has it (LPS, mm), on the lattice whose voxels lie side by side
+// from the frame's zero (faces at multiples of the voxel size, as the specimens' do), so that the
+// same tooth gets the same lattice whatever file, crop or axes it came with. This folder's README
+// tells the method and its measured accuracy.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/tooth/layered_tooth.h"
+#include "toothprep/tools/io/image_volume.h"
+#include "toothprep/tools/scan_files/scan_source.h"
+
+namespace toothprep {
+
+struct VoxelizeOptions {
+  double voxel = 0.1;  // mm, of the tooth
+  // Grey values of the borders surroundings|dentin and dentin|enamel; automatic when absent.
+  std::optional<std::array<double, 2>> thresholds;
+  // Borders pulp|dentin and dentin|enamel that are typical of this kind of scan: they only tell the
+  // classes apart, the thresholds are then measured. Not with `thresholds`.
+  std::optional<std::array<double, 2>> typical;
+  // Which one of several teeth: the n-th largest piece, or the one at a place (mm, W).
+  int tooth = 1;
+  std::optional<Vec3> tooth_at;
+  bool keep_greys = false;  // for the report's pictures
+  // Told what is being done and how much of the whole is done (0..1), now and then.
+  std::function<void(const std::string& stage, double done)> progress;
+};
+
+// What was found on the way, for the user.
+struct VoxelizeReport {
+  double threshold_dentin = 0, threshold_enamel = 0;          // grey values; of a grey scan only
+  double surroundings = 0, dentin = 0, enamel = 0, pulp = 0;  // typical grey values; pulp 0 if none
+  std::vector<std::string> notes;                             // what a user ought to look at
+  ImageVolume<float> greys;  // of the scan, no finer than the tooth; if they were to be kept
+};
+
+// Grey scan to tooth: the chosen bright component, of dentin and enamel, and the dark cavity inside
+// as pulp; what is far brighter than enamel is `other`. The scan is read in slabs, once, or twice
+// if the tooth's voxels are about as small as the scan's; memory grows with the tooth's box (about
+// 30 bytes a voxel), not with the scan. Throws Error when no tooth can be told from its
+// surroundings (flat image, one class, nothing but noise) or when it looks like a segmentation,
+// naming what was found, or when the tooth would take more than 2^29 voxels. Provenance gets
+// threshold_dentin and threshold_enamel.
+LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
+                           VoxelizeReport* report = nullptr);
+LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
+                           VoxelizeReport* report = nullptr);
+
+// Labels to tooth. `tissues` maps label values to tissues; label values not named are air. Every
+// named voxel counts, floating pieces too: volumes are those of the labels. Throws Error if a label
+// of the map does not occur, or when the tooth would take more than 2^29 voxels.
+LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
+                             const std::map<std::uint16_t, Tissue>& tissues,
+                             const VoxelizeOptions& options, VoxelizeReport* report = nullptr);
+
+}  // namespace toothprep

@@ -1,0 +1,446 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/segmentation/cavity.h"
+#include "toothprep/tools/segmentation/dense_filters.h"
+#include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/scan_survey.h"
+#include "toothprep/tools/segmentation/voxelize.h"
+#include "toothprep/tools/segmentation/work_box.h"
+
+namespace toothprep {
+namespace {
+
+// Greys on the box's lattice: linear between the scan's voxels, averaged over the output voxel
+// where that is coarser; `outside` beyond the border of the scan's outermost voxels.
+Field resample(const ImageVolume<float>& scan, const WorkBox& box, double outside) {
+  Field grey(box.voxels());
+  const double ratio = box.lattice.voxel / scan.spacing.minCoeff();
+  const int points_per_axis = ratio > 1.25 ? std::min(8, static_cast<int>(std::ceil(ratio))) : 1;
+  const Vec3 last = scan.size.cast<double>() - Vec3::Constant(0.5);
+  for_each_point_set(scan, box, points_per_axis,
+                     [&](std::size_t v, const Vec3& centre, const std::vector<Vec3>& points) {
+                       double sum = 0;
+                       for (const Vec3& p : points) {
+                         const Vec3 x = centre + p;
+                         const bool in = x.minCoeff() >= -0.5 && (last - x).minCoeff() >= 0;
+                         sum += in ? trilinear(scan.size, scan.data, x) : outside;
+                       }
+                       grey[v] = static_cast<float>(sum / static_cast<double>(points.size()));
+                     });
+  return grey;
+}
+
+// Noise of the surroundings, and the smoothing (in output voxels) that brings it down to a seventh
+// of the half contrasts that decide.
+double smoothing_for(const Field& grey, const GreyClasses& classes, double blur) {
+  Field below;
+  for (const float g : grey)
+    if (g < classes.threshold_dentin) below.push_back(g);
+  if (below.size() < 100) return 0;
+  const auto median = [](Field& values) {
+    std::nth_element(values.begin(),
+                     values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+    return values[values.size() / 2];
+  };
+  const float centre = median(below);
+  for (float& g : below) g = std::abs(g - centre);
+  const double noise = 1.4826 * median(below);
+  const double contrast =
+      0.5 * std::min(classes.dentin - classes.surroundings, classes.enamel - classes.dentin);
+  for (const double sigma : {0.0, 0.5, 0.7, 0.9, 1.1}) {
+    // White noise, smoothed in three dimensions.
+    const double rest = sigma > 0 ? std::pow(2 * std::sqrt(M_PI) * sigma, -1.5) : 1;
+    if (noise * rest <= 0.15 * contrast) return sigma * blur;
+  }
+  return 1.1 * blur;
+}
+
+// Islands of enamel in dentin and of dentin in enamel go to the tissue around them, as do the
+// remains of a border's greys in narrow fissures; pieces of at least a twentieth of the largest
+// stay.
+void clean_islands(const WorkBox& box, const Mask& domain, const Mask& cavity, Mask& enamel) {
+  Mask part(domain.size());
+  for (const bool of_enamel : {true, false}) {
+    for (std::size_t v = 0; v < part.size(); ++v)
+      part[v] = domain[v] && (cavity.empty() || !cavity[v]) && (enamel[v] != 0) == of_enamel;
+    const Components pieces = connected_components(box.size, part);
+    for (std::size_t v = 0; v < part.size(); ++v)
+      if (pieces.label[v] != 0 && 20 * pieces.voxels[pieces.label[v] - 1] < pieces.voxels[0])
+        enamel[v] = !of_enamel;
+  }
+}
+
+// What lies under the outer surface, for voxels around it.
+struct UnderSurface {
+  Field plateau;  // grey of the tissue here, without the surroundings' share
+  Field cover;    // how much the tissue under the surface is enamel, 0..1
+  Mask near;      // where `cover` is known: both sides of the surface
+};
+
+// Also that far outside, in voxels, so that interfaces between tissues run on through the surface.
+constexpr double kReach = kBandVoxels + 1;
+
+// Below the outer surface greys are mixed with the surroundings': over enamel they pass through
+// dentin's, which by thresholds alone would put a skin of dentin on the enamel. So a voxel takes
+// the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
+// and never under dentin. `depth` is the depth below the surface at voxel accuracy.
+UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Field& depth,
+                                const GreyClasses& classes, double blur) {
+  const std::size_t n = box.voxels();
+  const double skin = 3 * blur;  // depth to which the surroundings shine through
+  UnderSurface under{grey, Field(n, 0.0f), Mask(n, 0)};
+
+  Field level(n);  // whose gradient points inwards
+  const auto far = static_cast<float>(std::max(skin, kReach) + 2 * blur);
+  for (std::size_t v = 0; v < n; ++v) level[v] = std::clamp(depth[v], -far, far);
+  smooth(box.size, level, std::max(1.0, 0.5 * blur));
+
+  const double step = 0.5 * blur;
+  box.for_each([&](int i, int j, int k, std::size_t v) {
+    if (depth[v] <= -kReach || depth[v] >= skin) return;
+    const Index3 index(i, j, k);
+    Vec3 inwards;
+    for (int a = 0; a < 3; ++a) {
+      Index3 p = index, q = index;
+      p[a] = std::max(p[a] - 1, 0);
+      q[a] = std::min(q[a] + 1, box.size[a] - 1);
+      inwards[a] = level[box.offset(q.x(), q.y(), q.z())] - level[box.offset(p.x(), p.y(), p.z())];
+    }
+    if (inwards.squaredNorm() > 0) inwards.normalize();
+    const auto at_depth = [&](double s) {
+      return trilinear(box.size, grey, index.cast<double>() + inwards * (s - depth[v]));
+    };
+    float brightest = depth[v] >= 0 ? grey[v] : at_depth(0);
+    for (double s = std::max<double>(depth[v], 0) + step; s < skin + 0.5 * step; s += step)
+      brightest = std::max(brightest, at_depth(s));
+    under.plateau[v] = brightest;
+    if (depth[v] > 1.5 * blur) return;
+    for (double s = 0; s < depth[v]; s += step) brightest = std::max(brightest, at_depth(s));
+    under.near[v] = 1;
+    under.cover[v] = static_cast<float>(
+        std::clamp((brightest - classes.dentin) / (classes.enamel - classes.dentin), 0.0, 1.0));
+  });
+
+  // A smooth transition at the cervix.
+  Field weight(under.near.begin(), under.near.end());
+  smooth(box.size, under.cover, blur);
+  smooth(box.size, weight, blur);
+  for (std::size_t v = 0; v < n; ++v)
+    under.cover[v] = weight[v] > 1e-3f ? under.cover[v] / weight[v] : 0.0f;
+  return under;
+}
+
+// Zero where the grey is half-way between the surroundings and the tissue underneath.
+Field solid_field(const WorkBox& box, const Field& grey, const Mask& rough, const Cavity& cavity,
+                  const UnderSurface& under, const GreyClasses& classes) {
+  const double over_dentin = classes.threshold_dentin;
+  const double over_enamel = std::max(over_dentin, 0.5 * (classes.surroundings + classes.enamel));
+  const double contrast = classes.dentin - classes.surroundings;
+  Field field(box.voxels());
+  Mask solid(box.voxels());
+  for (std::size_t v = 0; v < field.size(); ++v) {
+    const bool in_cavity = !cavity.mask.empty() && cavity.mask[v];
+    float value = rough[v] ? 0.5f : -0.5f;
+    if (under.near[v]) {
+      const double border = over_dentin + under.cover[v] * (over_enamel - over_dentin);
+      value = static_cast<float>(std::clamp((grey[v] - border) / contrast, -1.0, 1.0));
+    }
+    // At an open apex the solid ends where the ball from the outside does.
+    if (in_cavity)
+      value = static_cast<float>(std::min(0.5, 0.5 * (cavity.from_outside[v] - cavity.ball)));
+    field[v] = signed_as(rough[v] && (value > 0 || in_cavity), value);
+    solid[v] = field[v] > 0;
+  }
+  keep_largest_component(box.size, solid);
+  fill_enclosed(box.size, solid);
+  for (std::size_t v = 0; v < field.size(); ++v) field[v] = signed_as(solid[v], field[v]);
+  return field;
+}
+
+// The grey that parts dentin and enamel at a depth below the surface (voxels). A layer of enamel
+// that is little thicker than the blur doesn't reach enamel's grey: by half-way greys it would be
+// lost below 1.5 scan voxels. So near the surface less is asked for, still more than noise makes
+// after smoothing.
+float enamel_border(const GreyClasses& classes, double depth, double blur) {
+  constexpr double kAtSurface = 0.33, kHalfWay = 0.5;
+  const double share =
+      kAtSurface + (kHalfWay - kAtSurface) * std::clamp(depth / blur - 1, 0.0, 1.0);
+  return static_cast<float>(classes.dentin + share * (classes.enamel - classes.dentin));
+}
+
+// Where it is too bright for enamel, to the half-way grey; empty if it is nowhere. The blurred
+// border of metal passes through enamel's greys: what is enamel only there, with no enamel farther
+// from the metal near by, goes to metal and dentin.
+Mask metal_of(const WorkBox& box, const Field& grey, const Field& depth, const UnderSurface& under,
+              const GreyClasses& classes, double blur, const Mask& domain, Mask& enamel) {
+  if (!classes.threshold_metal) return {};
+  const std::size_t n = box.voxels();
+  Field bright;
+  for (std::size_t v = 0; v < n; ++v)
+    if (domain[v] && grey[v] > *classes.threshold_metal) bright.push_back(grey[v]);
+  if (bright.empty()) return {};
+  const auto typical =
+      bright.begin() + static_cast<std::ptrdiff_t>(0.75 * static_cast<double>(bright.size()));
+  std::nth_element(bright.begin(), typical, bright.end());
+  const double border = 0.5 * (classes.enamel + *typical);
+  Mask metal(n), sure(n);
+  for (std::size_t v = 0; v < n; ++v) metal[v] = domain[v] && grey[v] > border;
+  const Field to_metal = distance_to(box.size, metal);
+  const double reach = 2 * blur;
+  for (std::size_t v = 0; v < n; ++v) sure[v] = enamel[v] && to_metal[v] > reach;
+  const Field to_sure = distance_to(box.size, sure);
+  for (std::size_t v = 0; v < n; ++v) {
+    if (!enamel[v] || to_metal[v] > reach) continue;
+    const bool skin = depth[v] < 1.5 * blur && under.plateau[v] > border && to_metal[v] <= blur;
+    const bool halo = to_sure[v] > reach + 0.5 * blur;
+    metal[v] = metal[v] || skin || (halo && to_metal[v] <= 0.5 * blur);
+    if (metal[v] || halo) enamel[v] = 0;
+  }
+  return metal;
+}
+
+// The tissues against each other, by their greys without the surroundings' share.
+void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth,
+                       const Cavity& cavity, const UnderSurface& under, const GreyClasses& classes,
+                       double blur, ToothFields& fields) {
+  const std::size_t n = box.voxels();
+  Mask solid(n), domain(n), enamel(n);
+  Field border(n);
+  for (std::size_t v = 0; v < n; ++v) {
+    solid[v] = fields.solid[v] > 0;
+    domain[v] = depth[v] > -kReach;
+    border[v] = enamel_border(classes, depth[v], blur);
+    enamel[v] = domain[v] && under.plateau[v] > border[v];
+  }
+  const Mask metal = metal_of(box, grey, depth, under, classes, blur, domain, enamel);
+  // First in the solid alone, where an island can't hide behind its connection through the outside.
+  clean_islands(box, solid, cavity.mask, enamel);
+  clean_islands(box, domain, cavity.mask, enamel);
+
+  const auto scaled = [](double difference, double contrast) {
+    return static_cast<float>(std::clamp(difference / contrast, -0.5, 0.5));
+  };
+  const bool has_pulp = !cavity.mask.empty();
+  fields.label.resize(n);
+  fields.tissue[0].resize(n);
+  fields.tissue[1].resize(n);
+  if (has_pulp) fields.tissue[2].resize(n);
+  for (std::size_t v = 0; v < n; ++v) {
+    // Potentials against dentin, whose own is zero.
+    if (!metal.empty() && metal[v]) {
+      for (Field& tissue : fields.tissue)
+        if (!tissue.empty()) tissue[v] = -0.5f;
+      fields.label[v] = static_cast<std::uint8_t>(Tissue::kOther);
+      continue;
+    }
+    const bool in_pulp = has_pulp && cavity.mask[v];
+    const float e = signed_as(enamel[v] && !in_pulp, scaled(under.plateau[v] - border[v],
+                                                            classes.enamel - classes.dentin));
+    fields.tissue[0][v] = e;
+    fields.tissue[1][v] = -e;
+    fields.label[v] = static_cast<std::uint8_t>(e > 0 ? Tissue::kEnamel : Tissue::kDentin);
+    if (!has_pulp) continue;
+    const float p =
+        signed_as(in_pulp, scaled(cavity.border - grey[v], classes.dentin - cavity.grey));
+    if (in_pulp) fields.tissue[0][v] = -p;
+    fields.tissue[1][v] = -std::max(e, p);
+    fields.tissue[2][v] = p;
+    if (in_pulp) fields.label[v] = static_cast<std::uint8_t>(Tissue::kPulp);
+  }
+}
+
+// A segmentation read as greys would give a tooth all the same, of the wrong tissues.
+void refuse_segmentation(std::vector<float> values) {
+  // A flat image is said elsewhere; a scan of two or more greys has hundreds.
+  if (values.size() < 2 || values.size() >= kManyValues) return;
+  std::sort(values.begin(), values.end());
+  std::string list;
+  for (const float v : values) list += (list.empty() ? "" : ", ") + short_number(v);
+  throw Error(
+      "holds only the values " + list +
+      ", which looks like a segmentation; name its labels with --labels, or give --thresholds");
+}
+
+VoxelRange voxels_in(const ImageFrame& scan, const WorkBox& box) {
+  const double half = 0.5 * box.lattice.voxel;
+  return voxels_around(scan, {box.centre(Index3::Zero()) - Vec3::Constant(half),
+                              box.centre(box.size - Index3::Ones()) + Vec3::Constant(half)});
+}
+
+// Other teeth in the box give way to the surroundings, with the blur around them.
+void remove_others(const WorkBox& box, const GreyClasses& classes, double blur, Field& grey) {
+  if (classes.others.empty()) return;
+  const std::size_t n = box.voxels();
+  Mask bright(n), other(n);
+  for (std::size_t v = 0; v < n; ++v) bright[v] = grey[v] >= classes.threshold_dentin;
+  const Components parts = connected_components(box.size, bright);
+  // A component belongs to what most of it was found to be part of.
+  const ImageFrame& means = classes.others_frame;
+  const Mat3 to_index = means.to_index();
+  std::vector<std::size_t> votes(parts.count(), 0);
+  std::size_t v = 0;
+  for (int k = 0; k < box.size.z(); ++k)
+    for (int j = 0; j < box.size.y(); ++j)
+      for (int i = 0; i < box.size.x(); ++i, ++v) {
+        if (parts.label[v] == 0) continue;
+        const Vec3 at = to_index * (box.centre(Index3(i, j, k)) - means.origin);
+        const Index3 m = at.array().round().cast<int>();
+        if (m.minCoeff() < 0 || (means.size - m).minCoeff() <= 0) continue;
+        votes[parts.label[v] - 1] +=
+            classes.others[(static_cast<std::size_t>(m.z()) * means.size.y() + m.y()) *
+                               means.size.x() +
+                           m.x()];
+      }
+  bool any = false;
+  for (v = 0; v < n; ++v) {
+    other[v] =
+        parts.label[v] != 0 && 2 * votes[parts.label[v] - 1] > parts.voxels[parts.label[v] - 1];
+    bright[v] = bright[v] && !other[v];
+    any = any || other[v];
+  }
+  if (!any) return;
+  const Field to_other = distance_to(box.size, other), to_tooth = distance_to(box.size, bright);
+  const auto reach = static_cast<float>(2 * blur + 1);
+  for (v = 0; v < n; ++v)
+    if (to_other[v] <= reach && to_other[v] < to_tooth[v])
+      grey[v] = static_cast<float>(classes.surroundings);
+}
+
+std::string place(const Vec3& x) {
+  return "(" + short_number(x.x()) + ", " + short_number(x.y()) + ", " + short_number(x.z()) + ")";
+}
+
+// What a person ought to look at.
+void add_notes(const GreyClasses& classes, const ScanSurvey& seen, std::size_t scan_voxels,
+               const WorkBox& box, const Cavity& cavity, const VoxelizeOptions& options,
+               VoxelizeReport& report) {
+  if (options.typical && classes.darkest > -200)
+    report.notes.push_back("the scan's darkest grey is " + short_number(classes.darkest) +
+                           ", where air has -1000 Hounsfield units: are these Hounsfield units? "
+                           "(cone-beam CT has others)");
+  if (classes.pieces.size() > 1) {
+    std::string list;
+    for (std::size_t p = 0; p < classes.pieces.size(); ++p)
+      list += (p ? ", " : "") + std::to_string(p + 1) + ": " +
+              short_number(classes.pieces[p].volume) + " mm3 at " + place(classes.pieces[p].centre);
+    report.notes.push_back(std::to_string(classes.pieces.size()) + " pieces could be teeth (" +
+                           list + "); number " + std::to_string(classes.chosen + 1) +
+                           " was taken (--tooth chooses)");
+  }
+  if (classes.touches_edge)
+    report.notes.push_back(
+        "the tooth reaches the border of the scan; it is cut off there by a flat face");
+  if (classes.threshold_metal)
+    report.notes.push_back("what is brighter than " + short_number(*classes.threshold_metal) +
+                           " is too bright for enamel (metal, a filling?); it is labelled other, "
+                           "and borders beside it are uncertain");
+  // A scanner's range ends where many voxels have the very same highest value.
+  if (static_cast<double>(seen.voxels_at_highest) > 1e-4 * static_cast<double>(scan_voxels) &&
+      seen.values.size() >= kManyValues &&
+      seen.highest > classes.enamel - 0.1 * (classes.enamel - classes.dentin))
+    report.notes.push_back(std::to_string(seen.voxels_at_highest) +
+                           " voxels have the scan's highest grey value " +
+                           short_number(seen.highest) +
+                           ", where it seems to be clipped: metal, or enamel beyond the scanner's "
+                           "range; borders there are uncertain");
+  if (cavity.mask.empty()) {
+    report.notes.push_back("no pulp cavity was found inside the dentin");
+  } else {
+    const Components parts = connected_components(box.size, cavity.mask);
+    const double voxel = std::pow(box.lattice.voxel, 3);
+    std::size_t large = 0;
+    std::string list;
+    for (std::size_t p = 0; p < parts.count(); ++p)
+      if (static_cast<double>(parts.voxels[p]) * voxel > 0.2 &&
+          50 * parts.voxels[p] > parts.voxels[0]) {
+        ++large;
+        list += (list.empty() ? "" : ", ") +
+                short_number(static_cast<double>(parts.voxels[p]) * voxel) + " mm3";
+      }
+    if (large > 1)
+      report.notes.push_back("the pulp is in " + std::to_string(large) + " pieces (" + list +
+                             "): canals that are finer than the scan, or caries or cracks");
+  }
+}
+
+}  // namespace
+
+LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
+                           VoxelizeReport* report) {
+  const auto source = source_of(scan);
+  return voxelize_scan(*source, options, report);
+}
+
+LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
+                           VoxelizeReport* report) {
+  const auto tell = [&](const char* stage, double done) {
+    if (options.progress) options.progress(stage, done);
+  };
+  ScanSurvey seen = survey(scan, options.voxel, [&](double read) { tell("reading", 0.3 * read); });
+  if (!options.thresholds && !options.typical) refuse_segmentation(seen.values);
+  tell("finding the tooth", 0.3);
+  const ImageFrame& frame = scan.frame();
+  const GreyClasses classes =
+      find_grey_classes(std::move(seen.class_means), seen.class_block, frame.size,
+                        {options.thresholds, options.typical, options.tooth, options.tooth_at});
+  // The width of the scan's borders, in output voxels: a voxel of the scan, or of the output where
+  // that is coarser.
+  const double blur = std::max(1.0, frame.spacing.maxCoeff() / options.voxel);
+  const int margin = static_cast<int>(std::ceil(blur)) + static_cast<int>(kReach);
+  const WorkBox box = box_around(frame, classes.box_min, classes.box_max, options.voxel, margin);
+
+  tell("resampling", 0.35);
+  if (!seen.greys)
+    seen.greys = greys_of(scan, options.voxel, voxels_in(frame, box),
+                          [&](double read) { tell("reading the tooth", 0.35 + 0.1 * read); });
+  Field grey = resample(*seen.greys, box, classes.surroundings);
+  if (report) *report = {};
+  if (report && options.keep_greys) report->greys = std::move(*seen.greys);
+  seen.greys.reset();
+  remove_others(box, classes, blur, grey);
+  smooth(box.size, grey, smoothing_for(grey, classes, blur));
+
+  tell("finding the pulp", 0.5);
+  const Cavity cavity = find_cavity(box, grey, classes, blur, margin);
+
+  // The solid to a voxel: the largest piece of tissue with its cavities.
+  tell("finding the surface", 0.6);
+  Mask rough(box.voxels());
+  for (std::size_t v = 0; v < rough.size(); ++v)
+    rough[v] = grey[v] >= classes.threshold_dentin || (!cavity.mask.empty() && cavity.mask[v]);
+  keep_largest_component(box.size, rough);
+  fill_enclosed(box.size, rough);
+
+  ToothFields fields;
+  {
+    const Field depth = depth_below_surface(box.size, rough);
+    const UnderSurface under = look_under_surface(box, grey, depth, classes, blur);
+    fields.solid = solid_field(box, grey, rough, cavity, under, classes);
+    tell("separating the tissues", 0.7);
+    add_tissue_fields(box, grey, depth, cavity, under, classes, blur, fields);
+  }
+  Field().swap(grey);
+
+  tell("measuring distances", 0.8);
+  LayeredTooth tooth = tooth_of(box, std::move(fields));
+  tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
+  tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
+  tell("done", 1);
+  if (report) {
+    report->threshold_dentin = classes.threshold_dentin;
+    report->threshold_enamel = classes.threshold_enamel;
+    report->surroundings = classes.surroundings;
+    report->dentin = classes.dentin;
+    report->enamel = classes.enamel;
+    report->pulp = cavity.grey;
+    report->notes = scan.notes();
+    add_notes(classes, seen, frame.voxels(), box, cavity, options, *report);
+  }
+  return tooth;
+}
+
+}  // namespace toothprep

@@ -1,0 +1,106 @@
+#include "toothprep/tools/segmentation/work_box.h"
+
+#include <cstdio>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/segmentation/iso_distance.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kMaxVoxels = 536870912.0;  // 2^29: about 30 bytes each while at work
+constexpr auto kBand = static_cast<float>(kBandVoxels);
+
+}  // namespace
+
+std::string short_number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.4g", value);
+  return text.data();
+}
+
+WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
+                   double voxel, int margin) {
+  if (!(voxel > 0 && voxel <= 10))
+    throw Error("voxel size must lie in (0, 10] mm, got " + short_number(voxel));
+  Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
+  for (int c = 0; c < 8; ++c) {
+    const Vec3 corner((c & 1) ? index_max.x() + 0.5 : index_min.x() - 0.5,
+                      (c & 2) ? index_max.y() + 0.5 : index_min.y() - 0.5,
+                      (c & 4) ? index_max.z() + 0.5 : index_min.z() - 0.5);
+    low = low.cwiseMin(image.to_world(corner));
+    high = high.cwiseMax(image.to_world(corner));
+  }
+  const Vec3 extent = high - low;
+  const Vec3 count = extent / voxel + Vec3::Constant(2.0 * margin + 2);
+  if (!(count.prod() <= kMaxVoxels) || (low / voxel).cwiseAbs().maxCoeff() > 1e8)
+    throw Error(
+        "the tooth's box of " + short_number(extent.x()) + " x " + short_number(extent.y()) +
+        " x " + short_number(extent.z()) + " mm holds " + short_number(count.prod()) +
+        " voxels of " + short_number(voxel) + " mm, more than 2^29" +
+        (extent.maxCoeff() > 60 ? "; that is no tooth's size: give the scan's own voxel size with "
+                                  "--spacing-mm"
+                                : "; give a larger --voxel-mm"));
+  WorkBox box;
+  box.lattice.voxel = voxel;
+  box.lattice.origin = Vec3::Constant(0.5 * voxel);
+  for (int a = 0; a < 3; ++a) {
+    box.lower[a] = static_cast<int>(std::floor(low[a] / voxel - 0.5)) - margin;
+    box.size[a] = static_cast<int>(std::ceil(high[a] / voxel - 0.5)) + margin - box.lower[a] + 1;
+  }
+  return box;
+}
+
+float trilinear(const Index3& size, const std::vector<float>& values, const Vec3& index) {
+  Index3 base;
+  Vec3 f;
+  for (int a = 0; a < 3; ++a) {
+    const double x = std::clamp(index[a], 0.0, size[a] - 1.0);
+    base[a] = std::min(static_cast<int>(x), size[a] - 2);
+    f[a] = x - base[a];
+  }
+  const std::size_t row = static_cast<std::size_t>(size.x()),
+                    plane = row * static_cast<std::size_t>(size.y());
+  const float* p = values.data() + static_cast<std::size_t>(base.z()) * plane +
+                   static_cast<std::size_t>(base.y()) * row + static_cast<std::size_t>(base.x());
+  const auto along_x = [&](std::size_t o) { return p[o] + f.x() * (p[o + 1] - p[o]); };
+  const double a = along_x(0), b = along_x(row), c = along_x(plane), d = along_x(plane + row);
+  const double ab = a + f.y() * (b - a), cd = c + f.y() * (d - c);
+  return static_cast<float>(ab + f.z() * (cd - ab));
+}
+
+float signed_as(bool positive, float value) {
+  constexpr float kTiny = 0.01f;
+  return positive ? std::max(value, kTiny) : std::min(value, -kTiny);
+}
+
+LayeredTooth tooth_of(const WorkBox& box, ToothFields fields) {
+  const auto mm = static_cast<float>(box.lattice.voxel);
+  const Field solid = iso_distance(box.size, fields.solid, kBand);
+  Field().swap(fields.solid);
+  std::array<Field, 3> tissue;
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (fields.tissue[k].empty()) continue;
+    tissue[k] = iso_distance(box.size, fields.tissue[k], kBand);
+    Field().swap(fields.tissue[k]);
+  }
+  return build_tooth_by_brick(box.lattice, box.lower, box.lower + box.size - Index3::Ones(),
+                              [&](const Index3& first, ToothSample* samples) {
+                                for (int v = 0; v < kBrickVoxels; ++v) {
+                                  ToothSample& s = samples[v];
+                                  s.solid = kBand * mm;
+                                  s.tissue.fill(kBand * mm);
+                                  s.label = Tissue::kAir;
+                                  const Index3 i =
+                                      first + Index3(v >> 6, (v >> 3) & 7, v & 7) - box.lower;
+                                  if (i.minCoeff() < 0 || (box.size - i).minCoeff() <= 0) continue;
+                                  const std::size_t o = box.offset(i.x(), i.y(), i.z());
+                                  s.solid = solid[o] * mm;
+                                  for (std::size_t k = 0; k < 3; ++k)
+                                    if (!tissue[k].empty()) s.tissue[k] = tissue[k][o] * mm;
+                                  if (s.solid < 0) s.label = static_cast<Tissue>(fields.label[o]);
+                                }
+                              });
+}
+
+}  // namespace toothprep

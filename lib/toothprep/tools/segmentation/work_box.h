@@ -1,0 +1,88 @@
+// The dense box of output voxels that voxelizing works on, and the last step from its fields to a
+// tooth.
+#pragma once
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/tooth/layered_tooth.h"
+#include "toothprep/tools/io/image_volume.h"
+
+namespace toothprep {
+
+using Field = std::vector<float>;  // one value per voxel of a WorkBox, x fastest
+
+struct WorkBox {
+  Lattice lattice;
+  Index3 lower = Index3::Zero();  // lattice index of the box's first voxel
+  Index3 size = Index3::Zero();
+
+  std::size_t voxels() const { return static_cast<std::size_t>(size.cast<double>().prod()); }
+  std::size_t offset(int i, int j, int k) const {
+    return (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;
+  }
+  Vec3 centre(const Index3& i) const { return lattice.to_world(lower + i); }  // mm, W
+
+  // work(i, j, k, offset) for every voxel, planes in parallel.
+  template <class Work>
+  void for_each(const Work& work) const {
+    tbb::parallel_for(0, size.z(), [&](int k) {
+      std::size_t v = offset(0, 0, k);
+      for (int j = 0; j < size.y(); ++j)
+        for (int i = 0; i < size.x(); ++i, ++v) work(i, j, k, v);
+    });
+  }
+};
+
+// The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels.
+// Its lattice's
+// voxels lie side by side from the frame's zero: faces are multiples of `voxel`. Throws Error if
+// the voxel size is out of range or the box would hold more than 2^29 voxels.
+WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
+                   double voxel, int margin);
+
+// Calls sample(offset, centre, points) for every output voxel, planes in parallel: n^3 points
+// spread evenly over the voxel, relative to its centre, both in (fractional) voxels of the image.
+template <class Sample>
+void for_each_point_set(const ImageFrame& image, const WorkBox& box, int n, const Sample& sample) {
+  const Mat3 to_index = image.to_index();
+  std::vector<Vec3> points;
+  for (int c = 0; c < n * n * n; ++c)
+    points.push_back(to_index *
+                     (Vec3(c % n, c / n % n, c / (n * n)) - Vec3::Constant(0.5 * (n - 1))) *
+                     (box.lattice.voxel / n));
+  box.for_each([&](int i, int j, int k, std::size_t v) {
+    sample(v, Vec3(to_index * (box.centre(Index3(i, j, k)) - image.origin)), points);
+  });
+}
+
+// Value at a fractional voxel, linear between the values of the array, whose edge values are
+// continued outside.
+float trilinear(const Index3& size, const std::vector<float>& values, const Vec3& index);
+
+// The tooth as fields over the box, each positive inside and nowhere zero: the solid, and each
+// tissue against the other tissues (which matters in the solid and in a few voxels beyond its
+// surface).
+struct ToothFields {
+  Field solid;
+  std::array<Field, 3> tissue;      // enamel, dentin, pulp; empty if absent
+  std::vector<std::uint8_t> label;  // the tissue here; whatever outside the solid
+};
+
+// `value`, moved to the given side of zero if it isn't there.
+float signed_as(bool positive, float value);
+
+// Fields to distances, and both to a tooth. A tissue is where the solid and its side of the
+// interface both are, so its level set is the larger of the two distances, and the volumes of all
+// tissues add up to the solid's.
+LayeredTooth tooth_of(const WorkBox& box, ToothFields fields);
+
+std::string short_number(double value);  // four digits
+
+}  // namespace toothprep

@@ -1,0 +1,88 @@
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/trajectory/trajectory.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kSameTime = 1e-9;   // s
+constexpr double kLargestGap = 0.1;  // s
+
+std::string seconds(double t) {
+  std::string text = std::to_string(t);
+  return text + " s";
+}
+
+HandleSample between(const HandleSample& a, const HandleSample& b, double time) {
+  const double fraction = std::clamp((time - a.time) / (b.time - a.time), 0.0, 1.0);
+  HandleSample result;
+  result.time = time;
+  result.pose.position = (1.0 - fraction) * a.pose.position + fraction * b.pose.position;
+  // Nothing turned: keep the very bits (slerp of equals may change the last one).
+  result.pose.orientation =
+      a.pose.orientation.coeffs() == b.pose.orientation.coeffs()
+          ? a.pose.orientation
+          : a.pose.orientation.slerp(fraction, b.pose.orientation).normalized();
+  result.buttons = a.buttons;
+  return result;
+}
+
+}  // namespace
+
+bool accept_quaternion(const Quat& recorded, Quat& orientation) {
+  const double length = recorded.norm();
+  if (!(std::abs(length - 1.0) <= 1e-3)) return false;
+  orientation = std::abs(length - 1.0) > 1e-12 ? recorded.normalized() : recorded;
+  return true;
+}
+
+std::vector<HandleSample> resample(const Trajectory& trajectory, double time_step, bool allow_gaps,
+                                   const std::string& where) {
+  const std::vector<HandleSample>& in = trajectory.samples;
+  if (!(time_step > 0) || !std::isfinite(time_step))
+    throw Error("the step of a resampling must be positive and finite");
+  if (in.size() < 2) throw InputError(where, "", "holds fewer than two samples", "record a motion");
+  for (std::size_t j = 0; j + 1 < in.size(); ++j) {
+    const double gap = in[j + 1].time - in[j].time;
+    if (!(gap > 0))
+      throw InputError(where, "time " + seconds(in[j + 1].time), "time does not increase");
+    if (gap > kLargestGap + kSameTime && !allow_gaps)
+      throw InputError(where, "time " + seconds(in[j].time),
+                       "a gap of " + seconds(gap) + " follows, more than 0.1 s",
+                       "record without gaps, or allow them (--allow-gaps)");
+  }
+
+  const double start = in.front().time;
+  const double steps = std::floor((in.back().time - start + kSameTime) / time_step);
+  if (!(steps < static_cast<double>(kMostSamples)))
+    throw InputError(where, "",
+                     "lasts " + seconds(in.back().time - start) + ", more than " +
+                         std::to_string(kMostSamples) + " steps of " + seconds(time_step),
+                     "cut it into pieces");
+  const std::size_t count = static_cast<std::size_t>(steps) + 1;
+
+  const auto time_of = [&](std::size_t i) { return start + static_cast<double>(i) * time_step; };
+  bool on_grid = count == in.size();
+  for (std::size_t i = 0; on_grid && i < count; ++i)
+    on_grid = std::abs(in[i].time - time_of(i)) <= kSameTime;
+  if (on_grid) return in;
+
+  std::vector<HandleSample> out;
+  out.reserve(count);
+  std::size_t j = 0;  // the latest sample at or before the time
+  for (std::size_t i = 0; i < count; ++i) {
+    const double time = time_of(i);
+    while (j + 1 < in.size() && in[j + 1].time <= time + kSameTime) ++j;
+    if (j + 1 == in.size() || std::abs(in[j].time - time) <= kSameTime) {
+      out.push_back(in[j]);
+      out.back().time = time;
+    } else {
+      out.push_back(between(in[j], in[j + 1], time));
+    }
+  }
+  return out;
+}
+
+}  // namespace toothprep

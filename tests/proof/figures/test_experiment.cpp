@@ -1,0 +1,119 @@
+// Experiments as data: what is read, and what is refused with which words.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "scratch_folder.h"
+#include "toothprep/proof/figures/experiment.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/trajectory/trajectory.h"
+
+namespace toothprep::figures {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using toothprep::testing::ScratchFolder;
+
+const std::string kShipped = std::string(TOOTHPREP_SOURCE_DIR) + "/data/figures";
+
+std::string error_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+TEST(Experiment, EveryShippedOneIsWholeAndItsFilesRead) {
+  const auto folders = find_experiments(kShipped, {});
+  EXPECT_GE(folders.size(), 10u);
+  for (const std::string& folder : folders) {
+    const Experiment e = read_experiment(folder);
+    EXPECT_FALSE(e.title.empty());
+    for (const figures::Run& run : e.runs) {
+      const Parameters p = parameters_of(run, preset_parameters("paper"), !run.literal.empty());
+      EXPECT_NO_THROW(validate(p)) << e.name;
+      EXPECT_GT(read_script(run.trajectory).samples.size(), 100u) << e.name;
+    }
+  }
+}
+
+TEST(Experiment, IsChosenByNumberOrByName) {
+  const auto names = [](const std::vector<std::string>& only) {
+    std::vector<std::string> result;
+    for (const std::string& path : find_experiments(kShipped, only))
+      result.push_back(path.substr(path.rfind('/') + 1));
+    return result;
+  };
+  EXPECT_THAT(names({"9", "16"}), ElementsAre("figure-09", "figure-16"));
+  EXPECT_THAT(names({"figure-12", "handpiece"}), ElementsAre("figure-12", "handpiece"));
+}
+
+TEST(Experiment, AChoiceThatNothingMatchesNamesWhatThereIs) {
+  EXPECT_THAT(error_of([] { find_experiments(kShipped, {"17"}); }),
+              ::testing::AllOf(HasSubstr("\"17\""), HasSubstr("figure-09")));
+  EXPECT_THAT(error_of([] { find_experiments(kShipped, {""}); }), HasSubstr("no experiment"));
+  EXPECT_THAT(error_of([] { find_experiments("absent", {}); }), HasSubstr("absent"));
+}
+
+TEST(Experiment, WhatIsWrongIsNamedByItsKey) {
+  const std::string whole =
+      "kind = 'plateaus'\nbur = 'ball:D1.2'\ntrajectory = 'path.toml'\ndrive = 'direct'\n";
+  const std::vector<std::pair<std::string, std::string>> table = {
+      {"", "kind: is missing"},
+      {"kind = 'plateau'", "did you mean \"plateaus\"?"},
+      {"kind = 'plateaus'\nbur = 'ball:D1'", "trajectory: is missing"},
+      {"kind = 'plateaus'\ntrajectory = 'p'", "bur: is missing"},
+      {whole + "drives = 'direct'", "did you mean 'drive'?"},
+      {whole + "[block]\nenamel = 2", "did you mean 'enamel_mm'?"},
+      {whole + "specimen = 'molar'\n[block]\nenamel_mm = 2", "block: stands beside"},
+      {whole + "[[run]]\nname = '../x'", "run[0].name: must be letters"},
+      {whole + "[[run]]\nname = 'a'\n[[run]]\nname = 'a'", "run[1].name: \"a\" stands twice"},
+      {whole + "[[run]]\nname = 'a'\nafter = 'b'", "run[0].after: \"b\" is no earlier run"},
+      {"kind = 'literal'\nbur = 'ball:D1'\ntrajectory = 'p'", "literal: is missing"},
+      {"kind = 'closed-loop'\nbur = 'ball:D1'\ntrajectory = 'p'", "map: is missing"},
+      {whole + "[device]\napparent_mass_g = -1", "mass"},
+      {whole + "[hand]\nstiffness_n_per_m = nan", "stiffness"},
+      {whole + "[map]\ndampings_n_s_per_m = [0.0]", "map.dampings_n_s_per_m: must be positive"},
+  };
+  for (const auto& [text, words] : table) {
+    const ScratchFolder folder("experiment");
+    folder.write("mine/experiment.toml", text);
+    EXPECT_THAT(error_of([&] { read_experiment(folder / "mine"); }),
+                ::testing::AllOf(HasSubstr("experiment.toml"), HasSubstr(words)))
+        << text;
+  }
+}
+
+TEST(Experiment, RunsInheritWhatStandsAtTheTop) {
+  const ScratchFolder folder("inherit");
+  folder.write("mine/experiment.toml",
+               "kind = 'stall'\nbur = 'ball:D1.2'\nparams = 'p.toml'\n"
+               "[[run]]\nname = 'one'\ntrajectory = 'a.toml'\n"
+               "[[run]]\nname = 'two'\ntrajectory = 'b.toml'\nbur = 'ball:D1.0'\nafter = 'one'\n");
+  const Experiment e = read_experiment(folder / "mine");
+  ASSERT_EQ(e.runs.size(), 2u);
+  EXPECT_EQ(e.runs[0].bur, "ball:D1.2");
+  EXPECT_EQ(e.runs[1].bur, "ball:D1.0");
+  EXPECT_EQ(e.runs[1].params, folder / "mine/p.toml");
+  EXPECT_EQ(e.runs[1].after, "one");
+}
+
+TEST(Experiment, ItsParametersWinOverTheUsersAndOthersStay) {
+  const ScratchFolder folder("params");
+  folder.write("p.toml", "[handpiece]\nstall_torque_mnm = inf\n");
+  Parameters base = preset_parameters("paper");
+  base.tissue[0].specific_energy = 600;
+  figures::Run run;
+  run.params = folder / "p.toml";
+  const Parameters p = parameters_of(run, base);
+  EXPECT_TRUE(std::isinf(p.handpiece.stall_torque));
+  EXPECT_EQ(p.tissue[0].specific_energy, 600);
+}
+
+}  // namespace
+}  // namespace toothprep::figures

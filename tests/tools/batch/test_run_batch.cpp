@@ -1,0 +1,243 @@
+// Batches of a stand-in program, a shell script: what crashes, hangs or is interrupted, and what is
+// done.
+#include <gmock/gmock.h>
+#include <signal.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "scratch_folder.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/batch/run_batch.h"
+
+namespace toothprep {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+// work INPUT MODE: writes out.bin and prints figures; or fails as MODE says. Each run leaves a
+// mark.
+constexpr const char* kProgram = R"(#!/bin/sh
+[ "$1" = work ] || exit 2
+input=$3 mode=$5
+echo ran >> "$(dirname "$input")/ran.txt"
+echo "working on something" >&2
+case $mode in
+  good) ;;
+  fail) echo "toothprep: tooth.vdb: is broken; mend it" >&2; echo >&2; exit 1;;
+  silent) exec 2>/dev/null; exit 3;;
+  crash) kill -SEGV $$;;
+  hang) sleep 60;;
+  stubborn) trap '' TERM; while :; do sleep 0.05; done;;
+  empty) exit 0;;
+  garbage) echo x > out.bin; echo "not json"; exit 0;;
+  slow) sleep 0.2;;
+esac
+tr a-z A-Z < "$input" > out.bin
+size=$(wc -c < "$input")
+printf '{"schema": "x", "bytes": %d, "half": %d.5, "time_us": %d, "ok": true, "group": {"b": 2, "a": 1},
+ "criteria": [{"key": "depth_mm", "points": 3.25, "why": "a, \\"b\\""}], "list": [1, 2], "none": null}' $size $size $$
+)";
+
+class RunBatch : public ScratchFolder {
+ protected:
+  void SetUp() override {
+    ScratchFolder::SetUp();
+    namespace fs = std::filesystem;
+    fs::permissions(put("program", kProgram), fs::perms::owner_all);
+    for (const char* name : {"one", "two", "three"}) put(std::string(name) + ".txt", name);
+    BatchCommand work;
+    work.name = "work";
+    work.inputs = {"a-input"};
+    work.result = "result.json";
+    work.result_on_stdout = true;
+    work.made = {"out.bin"};
+    work.unrepeatable = {"time_"};
+    commands_ = {work};
+    options_.folder = path("out");
+    options_.program = path("program");
+    options_.version = "1";
+  }
+
+  // Items by (name, mode), each with the input of that name or one.txt.
+  BatchManifest manifest(const std::vector<std::pair<std::string, std::string>>& items) const {
+    std::string text;
+    for (const auto& [name, mode] : items)
+      text += "[[item]]\ncommand = \"work\"\nname = \"" + name + "\"\narguments = { a_input = \"" +
+              (exists(name + ".txt") ? name : "one") + ".txt\", mode = \"" + mode + "\" }\n";
+    return read_manifest(put("manifest.toml", text), commands_);
+  }
+  BatchResult run(const std::vector<std::pair<std::string, std::string>>& items) const {
+    return run_batch(manifest(items), options_);
+  }
+  int times_run() const {
+    int lines = 0;
+    if (exists("ran.txt"))
+      for (const char c : get("ran.txt")) lines += c == '\n';
+    return lines;
+  }
+
+  std::vector<BatchCommand> commands_;
+  BatchOptions options_;
+};
+
+TEST_F(RunBatch, WritesAFolderAndARowForEachItem) {
+  const BatchResult result = run({{"two", "good"}, {"one", "good"}});
+  ASSERT_EQ(result.rows.size(), 2u);
+  EXPECT_EQ(result.rows[0].name, "two");
+  EXPECT_EQ(result.rows[0].status, "done");
+  EXPECT_THAT(
+      result.rows[0].figures,
+      ElementsAre(std::pair("bytes", "3"), std::pair("half", "3.5"), std::pair("ok", "true"),
+                  std::pair("group.b", "2"), std::pair("group.a", "1"),
+                  std::pair("criteria.depth_mm.points", "3.25")));
+  EXPECT_EQ(get("out/two/out.bin"), "TWO");
+  EXPECT_EQ(get("out/two/log.txt"), "working on something\n");
+  EXPECT_EQ(get("out/batch.csv"),
+            "name,command,status,reason,bytes,half,ok,group.b,group.a,criteria.depth_mm.points\n"
+            "two,work,done,,3,3.5,true,2,1,3.25\n"
+            "one,work,done,,3,3.5,true,2,1,3.25\n");
+  const auto json = nlohmann::json::parse(get("out/batch.json"));
+  EXPECT_EQ(json["done"], 2);
+  EXPECT_EQ(json["items"][1]["figures"]["half"], 3.5);
+  EXPECT_FALSE(exists("out/two.part"));
+}
+
+TEST_F(RunBatch, GoesOnWhenAnItemFailsCrashesHangsOrWritesNothing) {
+  options_.at_once = 4;
+  options_.time_limit = 1;
+  const BatchResult result = run({{"a", "fail"},
+                                  {"b", "crash"},
+                                  {"c", "hang"},
+                                  {"d", "empty"},
+                                  {"e", "garbage"},
+                                  {"f", "silent"},
+                                  {"one", "good"}});
+  std::vector<std::string> reasons;
+  for (const ItemRow& row : result.rows) reasons.push_back(row.reason);
+  EXPECT_THAT(reasons,
+              ElementsAre("tooth.vdb: is broken; mend it", HasSubstr("ended by signal 11"),
+                          "took longer than 1 s", "wrote no out.bin",
+                          "result.json: is no JSON object", HasSubstr("working on something"), ""));
+  EXPECT_EQ(result.rows[6].status, "done");
+  // Of a failed item nothing remains but why.
+  EXPECT_FALSE(exists("out/e/out.bin"));
+  EXPECT_TRUE(exists("out/a/log.txt"));
+  EXPECT_THAT(get("out/batch.csv"), HasSubstr("a,work,failed,tooth.vdb: is broken; mend it,,,"));
+  // Failed items run again, the good one doesn't.
+  const int before = times_run();
+  EXPECT_EQ(run({{"a", "fail"}, {"one", "good"}}).run, 1u);
+  EXPECT_EQ(times_run(), before + 1);
+}
+
+TEST_F(RunBatch, KillsWhatDoesNotHeedTheTimeLimit) {
+  options_.time_limit = 0.2;
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(run({{"a", "stubborn"}}).rows[0].reason, "took longer than 0.2 s");
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+}
+
+TEST_F(RunBatch, DoesNotRepeatWhatIsDone) {
+  EXPECT_EQ(run({{"one", "good"}, {"two", "good"}}).run, 2u);
+  const std::string csv = get("out/batch.csv"), json = get("out/batch.json");
+  EXPECT_EQ(run({{"one", "good"}, {"two", "good"}}).run, 0u);
+  EXPECT_EQ(times_run(), 2);
+  EXPECT_EQ(get("out/batch.csv"), csv);
+  EXPECT_EQ(get("out/batch.json"), json);
+  // A new item is the only one to run.
+  EXPECT_EQ(run({{"one", "good"}, {"two", "good"}, {"three", "good"}}).run, 1u);
+}
+
+TEST_F(RunBatch, RepeatsWhatIsNoLongerTrue) {
+  const std::vector<std::pair<std::string, std::string>> items = {{"one", "good"}, {"two", "good"}};
+  run(items);
+  put("one.txt", "changed input");
+  EXPECT_EQ(run(items).run, 1u);
+  EXPECT_EQ(get("out/one/out.bin"), "CHANGED INPUT");
+  put("out/two/out.bin", "damaged output");
+  EXPECT_EQ(run(items).run, 1u);
+  EXPECT_EQ(get("out/two/out.bin"), "TWO");
+  std::filesystem::remove(path("out/two/out.bin"));
+  EXPECT_EQ(run(items).run, 1u);
+  put("out/two/item.json", "{\"schema\": \"toothprep-batch-item\", \"status\": 3}");
+  EXPECT_EQ(run(items).run, 1u);
+  EXPECT_EQ(run({{"one", "slow"}, {"two", "good"}}).run, 1u);  // another command line
+  options_.version = "2";
+  EXPECT_EQ(run(items).run, 2u);
+  options_.redo = true;
+  EXPECT_EQ(run(items).run, 2u);
+}
+
+TEST_F(RunBatch, WritesTheSameBytesHoweverManyRunAtATime) {
+  std::vector<std::pair<std::string, std::string>> items;
+  for (int i = 0; i < 12; ++i)
+    items.push_back({"item" + std::to_string(i), i % 4 == 1   ? "fail"
+                                                 : i % 3 == 0 ? "slow"
+                                                              : "good"});
+  run(items);
+  const std::string csv = get("out/batch.csv"), json = get("out/batch.json");
+  for (const int at_once : {3, 12}) {
+    options_.at_once = at_once;
+    options_.folder = path("out" + std::to_string(at_once));
+    run(items);
+    EXPECT_EQ(get("out" + std::to_string(at_once) + "/batch.csv"), csv);
+    EXPECT_EQ(get("out" + std::to_string(at_once) + "/batch.json"), json);
+  }
+}
+
+TEST_F(RunBatch, StopsItsChildrenWhenInterruptedAndGoesOnLater) {
+  options_.at_once = 2;
+  options_.interrupted = [&] { return exists("out/one") && exists("out/a.part"); };
+  const BatchResult result = run({{"one", "good"}, {"a", "hang"}, {"two", "good"}, {"b", "hang"}});
+  EXPECT_TRUE(result.interrupted);
+  EXPECT_TRUE(exists("out/one/item.json"));
+  EXPECT_FALSE(exists("out/a"));
+  EXPECT_FALSE(exists("out/a.part"));
+  EXPECT_FALSE(exists("out/batch.csv"));
+  options_.interrupted = {};
+  EXPECT_LE(run({{"one", "good"}, {"a", "good"}, {"two", "good"}}).run, 2u);
+  EXPECT_TRUE(exists("out/batch.csv"));
+}
+
+TEST_F(RunBatch, ClearsAwayWhatAKilledBatchLeft) {
+  put("out/one.part/out.bin", "half");
+  EXPECT_EQ(run({{"one", "good"}}).rows[0].status, "done");
+  EXPECT_EQ(get("out/one/out.bin"), "ONE");
+  EXPECT_FALSE(exists("out/one.part"));
+}
+
+TEST_F(RunBatch, NeverReplacesAFolderThatNoBatchWrote) {
+  put("out/one/precious.vdb", "a student's work");
+  EXPECT_THROW(run({{"two", "good"}, {"one", "good"}}), Error);
+  EXPECT_EQ(get("out/one/precious.vdb"), "a student's work");
+  EXPECT_EQ(times_run(), 0);
+  put("file", "x");
+  options_.folder = path("file");
+  EXPECT_THROW(run({{"one", "good"}}), Error);
+  options_.folder = path("none/out");
+  EXPECT_THROW(run({{"one", "good"}}), Error);
+}
+
+TEST_F(RunBatch, TellsWhenTheProgramCannotBeStarted) {
+  options_.program = path("no-such-program");
+  const BatchResult result = run({{"one", "good"}});
+  EXPECT_EQ(result.rows[0].status, "failed");
+  EXPECT_THAT(result.rows[0].reason, HasSubstr("cannot be started"));
+}
+
+TEST(ItemTable, QuotesAsCsvNeedsIt) {
+  const std::vector<ItemRow> rows = {{"a,b", "score", "failed", "says \"no\"\nand more", {}},
+                                     {"c", "score", "done", "", {{"y", "1"}}},
+                                     {"d", "score", "done", "", {{"x", "2.5"}, {"y", "false"}}}};
+  EXPECT_EQ(table_csv(rows),
+            "name,command,status,reason,y,x\n"
+            "\"a,b\",score,failed,\"says \"\"no\"\"\nand more\",,\n"
+            "c,score,done,,1,\n"
+            "d,score,done,,false,2.5\n");
+}
+
+}  // namespace
+}  // namespace toothprep

@@ -1,0 +1,241 @@
+// What is recorded is read back, and what isn't a recording is refused.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <sstream>
+
+#include "recording_cases.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/session_columns.h"
+#include "toothprep/tools/files/session_recorder.h"
+#include "toothprep/tools/files/trace_columns.h"
+
+namespace toothprep {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::ScratchFile;
+using testing::synthetic_header;
+using testing::synthetic_tick;
+
+constexpr int kRows = 3000;  // several chunks
+
+void record(const std::string& path, bool mirror, int rows = kRows) {
+  SessionRecorder recorder(path, synthetic_header(mirror));
+  for (int i = 0; i < rows; ++i) ASSERT_TRUE(recorder.push(synthetic_tick(i, mirror)));
+  recorder.finish({{1.5, 2.5, 0.6}, "duration"});
+  EXPECT_EQ(recorder.rows(), rows);
+  EXPECT_EQ(recorder.failure(), std::nullopt);
+}
+
+std::string error_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+void expect_same_header(const SessionHeader& a, const SessionHeader& b) {
+  EXPECT_EQ(a.trace.parameters_toml, b.trace.parameters_toml);
+  EXPECT_EQ(a.trace.tooth_sha256, b.trace.tooth_sha256);
+  EXPECT_EQ(a.trace.bur, b.trace.bur);
+  EXPECT_EQ(a.trace.drive, b.trace.drive);
+  EXPECT_EQ(a.trace.engine, b.trace.engine);
+  EXPECT_EQ(a.trace.toothprep_version, b.trace.toothprep_version);
+  EXPECT_EQ(a.trace.initial_overlap_mm3, b.trace.initial_overlap_mm3);
+  EXPECT_EQ(a.device_kind, b.device_kind);
+  EXPECT_EQ(a.device_name, b.device_name);
+  EXPECT_EQ(a.device_model, b.device_model);
+  EXPECT_EQ(a.device_vendor, b.device_vendor);
+  EXPECT_EQ(a.device_driver, b.device_driver);
+  EXPECT_EQ(a.device_serial, b.device_serial);
+  EXPECT_EQ(a.device_firmware, b.device_firmware);
+  EXPECT_EQ(a.mirror_model, b.mirror_model);
+  EXPECT_EQ(a.rate_hz, b.rate_hz);
+  EXPECT_EQ(a.max_force_n, b.max_force_n);
+  EXPECT_EQ(a.max_continuous_force_n, b.max_continuous_force_n);
+  EXPECT_EQ(a.max_stiffness_n_per_mm, b.max_stiffness_n_per_mm);
+  EXPECT_EQ(a.max_damping_n_s_per_mm, b.max_damping_n_s_per_mm);
+  EXPECT_EQ(a.workspace_min, b.workspace_min);
+  EXPECT_EQ(a.workspace_max, b.workspace_max);
+  EXPECT_EQ(a.limit_notes, b.limit_notes);
+  EXPECT_EQ(a.force_limit_n, b.force_limit_n);
+  EXPECT_EQ(a.force_rate_limit_n_per_s, b.force_rate_limit_n_per_s);
+  EXPECT_EQ(a.registration.position, b.registration.position);
+  EXPECT_EQ(a.registration.orientation.coeffs(), b.registration.orientation.coeffs());
+  EXPECT_EQ(a.protocol, b.protocol);
+  EXPECT_EQ(a.pedal, b.pedal);
+  EXPECT_EQ(a.host, b.host);
+}
+
+void expect_same_rows(const SessionRecording& r, int rows, bool mirror) {
+  ASSERT_EQ(r.header.trace.rows.size(), static_cast<std::size_t>(rows));
+  ASSERT_EQ(r.servo_time.size(), static_cast<std::size_t>(rows));
+  ASSERT_EQ(r.mirror_position.size(), static_cast<std::size_t>(mirror ? rows : 0));
+  for (int row = 0; row < rows; ++row) {
+    const auto i = static_cast<std::size_t>(row);
+    const LiveTick t = synthetic_tick(row, mirror);
+    for (const TraceColumn& column : trace_columns()) {
+      std::array<double, 4> written{}, read{};
+      column.get(t.row, written.data());
+      column.get(r.header.trace.rows[i], read.data());
+      ASSERT_EQ(written, read) << column.dataset << ", row " << row;
+    }
+    ASSERT_EQ(r.servo_time[i], t.servo_time);
+    ASSERT_EQ(r.step_seconds[i], t.step_seconds);
+    ASSERT_EQ(r.force_scale[i], t.force_scale);
+    ASSERT_EQ(r.tick[i], t.tick);
+    ASSERT_EQ(r.missed[i], t.missed);
+    ASSERT_EQ(r.flags[i], t.flags);
+    ASSERT_EQ(r.fault[i], t.fault);
+    ASSERT_EQ(r.device_buttons[i], t.device_buttons);
+    ASSERT_EQ(r.force_commanded[i], t.commanded_force);
+    ASSERT_EQ(r.force_sent[i], t.sent_force);
+    ASSERT_EQ(r.device_position[i], t.device_position);
+    ASSERT_EQ(r.device_orientation[i].coeffs(), t.device_orientation.coeffs());
+    if (!mirror) continue;
+    ASSERT_EQ(r.mirror_position[i], t.mirror_position);
+    ASSERT_EQ(r.mirror_orientation[i].coeffs(), t.mirror_orientation.coeffs());
+    ASSERT_EQ(r.mirror_buttons[i], t.mirror_buttons);
+  }
+}
+
+TEST(SessionFile, AFinishedRecordingIsReadBackBitForBit) {
+  for (const bool mirror : {false, true}) {
+    const ScratchFile file("finished");
+    record(file.path, mirror);
+    EXPECT_TRUE(is_session_file(file.path));
+    const SessionRecording r = read_session(file.path);
+    expect_same_header(r.header, synthetic_header(mirror));
+    expect_same_rows(r, kRows, mirror);
+    EXPECT_TRUE(r.complete);
+    EXPECT_EQ(r.dropped_ticks, 0);
+    EXPECT_EQ(r.end_reason, "duration");
+    EXPECT_EQ(r.header.trace.audit.torque_work_mj, 1.5);
+    EXPECT_EQ(r.header.trace.audit.removed_energy_mj, 2.5);
+    EXPECT_EQ(r.header.trace.audit.energy_ratio, 0.6);
+  }
+}
+
+TEST(SessionFile, ARecordingIsATraceAndATrajectory) {
+  const ScratchFile file("trace");
+  record(file.path, false);
+  EXPECT_TRUE(is_trace_file(file.path));
+  EXPECT_EQ(read_trace(file.path).rows.size(), static_cast<std::size_t>(kRows));
+  EXPECT_EQ(read_h5_trajectory(file.path).samples.size(), static_cast<std::size_t>(kRows));
+}
+
+TEST(SessionFile, ATraceIsNoRecording) {
+  const ScratchFile file("plain");
+  Trace trace = synthetic_header().trace;
+  trace.rows = {synthetic_tick(0).row, synthetic_tick(1).row};
+  write_trace(trace, file.path);
+  EXPECT_FALSE(is_session_file(file.path));
+  EXPECT_THAT(error_of([&] { read_session(file.path); }), HasSubstr("attribute live: is missing"));
+}
+
+TEST(SessionFile, WhatIsNoHdf5FileIsRefused) {
+  EXPECT_THAT(error_of([] { is_session_file("/nowhere.h5"); }), HasSubstr("does not exist"));
+  const ScratchFile file("text");
+  std::ofstream(file.path) << "no recording";
+  EXPECT_THAT(error_of([&] { read_session(file.path); }), HasSubstr("is not an HDF5 file"));
+}
+
+// A byte changed anywhere, every some hundred bytes: refused or read, never a crash.
+TEST(SessionFile, DamagedRecordingsAreRefusedOrRead) {
+  const ScratchFile file("whole"), damaged("damaged");
+  record(file.path, false, 50);
+  std::ostringstream whole;
+  whole << std::ifstream(file.path, std::ios::binary).rdbuf();
+  const std::string bytes = whole.str();
+  int refused = 0;
+  for (std::size_t i = 0; i < 40; ++i) {
+    // All of them in the metadata, which stands in the first part of the file.
+    const std::size_t at = (i * 619) % 24000;
+    std::string changed = bytes;
+    changed[at] = static_cast<char>(changed[at] ^ 0x5a);
+    std::ofstream(damaged.path, std::ios::binary) << changed;
+    try {
+      read_session(damaged.path);
+    } catch (const InputError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 0);
+}
+
+TEST(SessionFile, WithoutFinishAllRowsAreThereButItIsNotComplete) {
+  const ScratchFile file("unfinished");
+  {
+    SessionRecorder recorder(file.path, synthetic_header());
+    for (int i = 0; i < kRows; ++i) recorder.push(synthetic_tick(i));
+  }
+  const SessionRecording r = read_session(file.path);
+  expect_same_rows(r, kRows, false);
+  EXPECT_FALSE(r.complete);
+  EXPECT_TRUE(std::isnan(r.header.trace.audit.energy_ratio));
+  EXPECT_EQ(r.end_reason, "");
+}
+
+TEST(SessionFile, WithoutARowItSaysSo) {
+  const ScratchFile file("empty");
+  { SessionRecorder recorder(file.path, synthetic_header()); }
+  EXPECT_TRUE(is_session_file(file.path));
+  EXPECT_THAT(error_of([&] { read_session(file.path); }), HasSubstr("holds no rows"));
+}
+
+TEST(SessionFile, NumbersThatAreNotFiniteAreStoredAsZeroAndTold) {
+  const ScratchFile file("nan");
+  SessionRecorder recorder(file.path, synthetic_header());
+  LiveTick bad = synthetic_tick(1);
+  bad.flags = kForceClamped;
+  bad.row.device_force.y() = std::numeric_limits<double>::quiet_NaN();
+  bad.row.bur.orientation = Quat(0, 0, 0, 0);
+  LiveTick timeless = synthetic_tick(2);
+  timeless.row.handle.time = std::numeric_limits<double>::quiet_NaN();
+  recorder.push(synthetic_tick(0));
+  recorder.push(bad);
+  recorder.push(timeless);
+  recorder.push(bad);  // its time was before
+  recorder.push(synthetic_tick(3));
+  recorder.finish({{}, "a fault's line"});
+  const SessionRecording r = read_session(file.path);
+  ASSERT_EQ(r.header.trace.rows.size(), 3u);
+  const StepRecord& row = r.header.trace.rows[1];
+  EXPECT_EQ(row.device_force, Vec3(bad.row.device_force.x(), 0, bad.row.device_force.z()));
+  EXPECT_EQ(row.bur.orientation.coeffs(), Quat::Identity().coeffs());
+  EXPECT_EQ(r.flags, (std::vector<std::uint32_t>{0, kForceClamped | kForceNotFinite, 3}));
+  EXPECT_EQ(r.dropped_ticks, 2);
+}
+
+TEST(SessionFile, AFullRingDropsTicksAndCountsThem) {
+  const ScratchFile file("full");
+  SessionRecorder recorder(file.path, synthetic_header(), {64, 0.5});
+  int refused = 0;
+  for (int i = 0; i < 20000; ++i) refused += !recorder.push(synthetic_tick(i));
+  recorder.finish({{}, "duration"});
+  EXPECT_GT(refused, 0);
+  const SessionRecording r = read_session(file.path);
+  EXPECT_EQ(r.dropped_ticks, refused);
+  EXPECT_EQ(r.header.trace.rows.size(), static_cast<std::size_t>(20000 - refused));
+}
+
+TEST(SessionFile, AFolderThatIsNotThereIsOneClearError) {
+  EXPECT_THAT(error_of([] { SessionRecorder recorder("/nowhere/session.h5", synthetic_header()); }),
+              HasSubstr("/nowhere/session.h5: cannot be written"));
+}
+
+TEST(SessionFile, AnOlderFileIsReplaced) {
+  const ScratchFile file("older");
+  std::ofstream(file.path) << "something";
+  record(file.path, false, 10);
+  EXPECT_EQ(read_session(file.path).tick.size(), 10u);
+}
+
+}  // namespace
+}  // namespace toothprep

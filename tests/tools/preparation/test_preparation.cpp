@@ -1,0 +1,161 @@
+// The scorer against preparations that are known in closed form, cut in a block and turned to odd
+// angles. What is asked of it: angles within 1°, lengths within half a voxel, no undercut where
+// there is none, every undercut deeper than 0.05 mm. The table of errors is in the output.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <functional>
+
+#include "toothprep/proof/specimen/cavity.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/preparation/preparation.h"
+
+namespace toothprep {
+namespace {
+
+struct Case {
+  std::string name;
+  PreparationType type = PreparationType::kClass1;
+  CavityOptions cavity;
+};
+
+CavityOptions box(double u_plus, double u_minus, double v_plus, double v_minus) {
+  CavityOptions o;
+  o.size = Vec3(8, 4.5, 7);
+  o.enamel = 1.5;
+  o.taper_u_plus = u_plus;
+  o.taper_u_minus = u_minus;
+  o.taper_v_plus = v_plus;
+  o.taper_v_minus = v_minus;
+  return o;
+}
+
+CavityOptions stump(double convergence, double shoulder, bool round) {
+  CavityOptions o;
+  o.kind = CavityKind::kStump;
+  o.size = Vec3(8, 8, 8);
+  o.corner = round ? 4 : 2.5;
+  o.shoulder_width = shoulder;
+  o.convergence_u = o.convergence_v = convergence;
+  return o;
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> list = {
+      {"box, parallel walls", PreparationType::kClass1, box(0, 0, 0, 0)},
+      {"box, 3 5 10 20 deg", PreparationType::kClass1, box(3, 5, 10, 20)},
+      {"box, 6 deg all round", PreparationType::kClass1, box(6, 6, 6, 6)},
+      {"dovetail, -2 deg", PreparationType::kClass1, box(0, 0, -2, -2)},
+      {"dovetail, -8 deg", PreparationType::kClass1, box(4, 4, -8, -8)},
+      {"tilted floor", PreparationType::kClass1, box(5, 5, 5, 5)},
+      {"bowed floor", PreparationType::kClass1, box(5, 5, 5, 5)},
+      {"class II", PreparationType::kClass2, box(2, 2, 3, 3)},
+      {"round stump, 12 deg", PreparationType::kCrown, stump(12, 1.0, true)},
+      {"round stump, 20 deg, narrow", PreparationType::kCrown, stump(20, 0.5, true)},
+      {"square stump, 6 deg", PreparationType::kCrown, stump(6, 1.2, false)},
+      {"undercut stump, -4 deg", PreparationType::kCrown, stump(-4, 1.2, true)},
+  };
+  list[5].cavity.floor_tilt_u = 6;
+  list[5].cavity.floor_tilt_v = -4;
+  list[6].cavity.bow = 0.2;
+  list[7].cavity.kind = CavityKind::kClass2;
+  list[7].cavity.size = Vec3(9, 5.5, 7);
+  list[7].cavity.axial_taper = 4;
+  list[7].cavity.proximal_taper = 3;
+  list[7].cavity.neighbour_gap = 0.4;
+  for (Case& c : list)
+    if (c.type == PreparationType::kClass1) {
+      c.cavity.pulp_depth = 3.1;
+      c.cavity.pulp_size = Vec3(2, 1, 2);
+    }
+  return list;
+}
+
+Preparation measured(const CavityOptions& cavity, PreparationType type,
+                     const std::function<void(PreparationOptions&)>& change = {}) {
+  const CavitySpecimen specimen = make_cavity(cavity);
+  PreparationOptions options;
+  options.type = type;
+  if (change) change(options);
+  return measure_preparation(specimen.original, specimen.prepared,
+                             extract_surface(specimen.prepared, SurfaceOf::kAll), options);
+}
+
+double value_of(const Preparation& preparation, const std::string& key) {
+  const Quantity* q = find_quantity(preparation.quantities, key);
+  return q ? q->value : NAN;
+}
+
+// What is compared of a type; keys are those of score.json.
+std::vector<std::string> compared(PreparationType type) {
+  std::vector<std::string> list = {"wall_angles_deg.mesial",
+                                   "wall_angles_deg.distal",
+                                   "wall_angles_deg.buccal",
+                                   "wall_angles_deg.lingual",
+                                   "remaining_dentin_min_mm",
+                                   "undercut_along_axis_mm",
+                                   "undercut_max_mm",
+                                   "depth_min_mm",
+                                   "depth_max_mm"};
+  const auto add = [&](std::initializer_list<const char*> more) {
+    list.insert(list.end(), more.begin(), more.end());
+  };
+  if (type == PreparationType::kCrown)
+    add({"convergence_deg.mesiodistal", "convergence_deg.buccolingual", "margin_width_mm",
+         "wall_height_mm", "occlusal_reduction_mm", "axial_reduction_mm.mesial",
+         "axial_reduction_mm.lingual"});
+  else
+    add({"depth_mm", "floor_tilt_deg", "floor_flatness_mm"});
+  if (type == PreparationType::kClass1)
+    add({"convergence_deg.mesiodistal", "convergence_deg.buccolingual", "width_mm", "width_mm",
+         "length_mm"});
+  if (type == PreparationType::kClass2)
+    add({"wall_angles_deg.axial", "wall_angles_deg.proximal_buccal",
+         "wall_angles_deg.proximal_lingual", "gingival_depth_mm", "axial_wall_height_mm",
+         "box_width_mm", "axial_depth_mm", "isthmus_width_mm", "box_clearance_mm"});
+  return list;
+}
+
+class ExactPreparations : public testing::TestWithParam<std::tuple<double, bool>> {};
+
+TEST_P(ExactPreparations, AreMeasuredWithinADegreeAndHalfAVoxel) {
+  const auto [voxel, turned] = GetParam();
+  std::printf("%-28s %-34s %9s %9s %8s  (%.3g mm, %s)\n", "preparation", "figure", "truth",
+              "measured", "error", voxel, turned ? "turned" : "straight");
+  for (Case c : cases()) {
+    c.cavity.voxel = voxel;
+    if (turned) {
+      c.cavity.pose.orientation = orientation_of_axis(Vec3(0.31, -0.52, 0.79), 0.7).normalized();
+      c.cavity.pose.position = Vec3(3.13, -2.27, 11.41);
+    }
+    const CavityTruth truth = cavity_truth(c.cavity);
+    const Preparation preparation = measured(c.cavity, c.type);
+    EXPECT_EQ(preparation.frame.axis_source, "recorded");
+    for (const std::string& key : compared(c.type)) {
+      const std::optional<double> expected = truth_value(truth, key);
+      const double got = value_of(preparation, key);
+      if (!expected) continue;
+      std::printf("%-28s %-34s %9.4f %9.4f %8.4f\n", c.name.c_str(), key.c_str(), *expected, got,
+                  got - *expected);
+      const bool angle = key.find("deg") != std::string::npos;
+      EXPECT_NEAR(got, *expected, angle ? 1.0 : voxel / 2) << c.name << ' ' << key;
+    }
+    // A false undercut would be one of noise; a true one may not be missed.
+    if (const auto undercut = truth_value(truth, "undercut_along_axis_mm");
+        !undercut || *undercut == 0) {
+      EXPECT_EQ(value_of(preparation, "undercut_along_axis_mm"), 0) << c.name;
+      EXPECT_EQ(value_of(preparation, "undercut_area_mm2"), 0) << c.name;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(VoxelsAndPoses, ExactPreparations,
+                         testing::Combine(testing::Values(0.1, 0.05), testing::Bool()),
+                         [](const auto& test) {
+                           return std::string(std::get<0>(test.param) > 0.07 ? "Coarse" : "Fine") +
+                                  (std::get<1>(test.param) ? "Turned" : "Straight");
+                         });
+
+}  // namespace
+}  // namespace toothprep

@@ -1,0 +1,191 @@
+// What else may be in a scan: other teeth, metal, greys beyond the scanner's range, Hounsfield
+// units.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "phantom.h"
+#include "scan_files.h"
+#include "toothprep/tools/segmentation/hounsfield.h"
+#include "toothprep/tools/segmentation/voxelize.h"
+
+namespace toothprep {
+namespace {
+
+using phantom::Anatomy;
+using phantom::Distances;
+using phantom::Scanner;
+
+constexpr double kVoxel = 0.14;
+
+VoxelizeOptions coarse() {
+  VoxelizeOptions options;
+  options.voxel = kVoxel;
+  return options;
+}
+
+Anatomy moved(const Anatomy& anatomy, const Vec3& by) {
+  return [=](const Vec3& x) { return anatomy(x - by); };
+}
+
+Anatomy both(const Anatomy& a, const Anatomy& b) {
+  return [=](const Vec3& x) {
+    const Distances d = a(x), e = b(x);
+    return Distances{std::min(d.tooth, e.tooth), std::min(d.core, e.core),
+                     std::min(d.pulp, e.pulp)};
+  };
+}
+
+// Tissues that differ from the truth farther than `slack` mm from its borders, of all voxels.
+std::size_t misplaced(const LayeredTooth& tooth, const Anatomy& truth, double slack) {
+  std::size_t count = 0;
+  for (std::size_t b = 0; b < tooth.tissue.table_size(); ++b)
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const Index3 i = tooth.tissue.brick_origin(b) + Index3(v >> 6, (v >> 3) & 7, v & 7);
+      const Distances d = truth(tooth.lattice.to_world(i));
+      if (std::min({std::abs(d.tooth), std::abs(d.core), std::abs(d.pulp)}) < slack) continue;
+      count += tooth.tissue.value(i.x(), i.y(), i.z()) !=
+               static_cast<std::uint8_t>(phantom::label_at(d));
+    }
+  return count;
+}
+
+TEST(SeveralTeeth, EachCanBeChosenBySizeOrPlaceAndIsThenAlone) {
+  // Two crowns 0.9 mm apart, the second with a shorter root; its box holds much of the first.
+  const Anatomy large = phantom::peg();
+  const Anatomy small = moved(
+      [](const Vec3& x) {
+        Distances d = phantom::peg()(x);
+        d.tooth = std::max(d.tooth, -4 - x.z());
+        d.core = std::max(d.core, -4 - x.z());
+        return d;
+      },
+      Vec3(5, 5.3, 0));
+  const auto scan =
+      phantom::scan_of(both(large, small), Vec3(-4.5, -4.5, -10.5), Vec3(9.5, 9.8, 5.5), Scanner());
+  VoxelizeOptions options = coarse();
+  VoxelizeReport report;
+  EXPECT_EQ(misplaced(voxelize_scan(scan, options, &report), large, 0.3), 0u);
+  ASSERT_FALSE(report.notes.empty());
+  EXPECT_THAT(report.notes.front(), testing::HasSubstr("2 pieces could be teeth"));
+  EXPECT_THAT(report.notes.front(), testing::HasSubstr("number 1 was taken"));
+  options.tooth = 2;
+  EXPECT_EQ(misplaced(voxelize_scan(scan, options), small, 0.3), 0u);
+  options.tooth_at = Vec3(0, 0, 3.8);  // in the first one's enamel
+  EXPECT_EQ(misplaced(voxelize_scan(scan, options), large, 0.3), 0u);
+
+  const auto refused = [&](const char* why) {
+    try {
+      voxelize_scan(scan, options);
+      FAIL() << "no error";
+    } catch (const Error& e) {
+      EXPECT_THAT(e.what(), testing::HasSubstr(why));
+    }
+  };
+  options.tooth_at = Vec3(0, 9, 0);
+  refused("no tooth within 2 mm");
+  options.tooth_at.reset();
+  options.tooth = 3;
+  refused("there is no tooth 3");
+}
+
+TEST(Metal, IsOtherAndHasNoSkinOfEnamel) {
+  // A round filling from the top through the enamel into dentin.
+  const Anatomy peg = phantom::peg();
+  const auto filling = [&](const Vec3& x) {
+    return std::max((x - Vec3(0, 0, 3.6)).norm() - 1.1, peg(x).tooth);
+  };
+  Scanner scanner;
+  auto scan = phantom::scan_of(peg, Vec3(-4.5, -4.5, -10.5), Vec3(4.5, 4.5, 5.5), scanner);
+  constexpr double kMetal = 900;
+  std::size_t v = 0;
+  for (int k = 0; k < scan.size.z(); ++k)
+    for (int j = 0; j < scan.size.y(); ++j)
+      for (int i = 0; i < scan.size.x(); ++i, ++v) {
+        const double d = filling(scan.to_world(Vec3(i, j, k)));
+        const double share = 0.5 * std::erfc(d / (scanner.blur * std::sqrt(2.0)));
+        scan.data[v] = static_cast<float>((1 - share) * scan.data[v] + share * kMetal);
+      }
+  VoxelizeReport report;
+  const LayeredTooth tooth = voxelize_scan(scan, coarse(), &report);
+  EXPECT_NEAR(report.dentin, 160, 5);   // not taken for what is below the metal
+  EXPECT_NEAR(report.enamel, 235, 12);  // a bin of the wider histogram is 9
+  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("too bright for enamel")));
+
+  std::size_t metal = 0, found = 0, skin = 0, near = 0;
+  for (std::size_t b = 0; b < tooth.tissue.table_size(); ++b)
+    for (int n = 0; n < kBrickVoxels; ++n) {
+      const Index3 i = tooth.tissue.brick_origin(b) + Index3(n >> 6, (n >> 3) & 7, n & 7);
+      const Vec3 x = tooth.lattice.to_world(i);
+      const Distances d = peg(x);
+      const double f = filling(x);
+      const auto label = static_cast<Tissue>(tooth.tissue.value(i.x(), i.y(), i.z()));
+      metal += f < 0;
+      found += label == Tissue::kOther;
+      // Around the filling, in dentin, away from the enamel's edge.
+      if (f > 0 && f < 0.6 && d.core < -0.4) ++near, skin += label == Tissue::kEnamel;
+    }
+  EXPECT_NEAR(static_cast<double>(found), static_cast<double>(metal),
+              0.25 * static_cast<double>(metal));  // its surface blooms outwards
+  EXPECT_GT(near, 100u);
+  EXPECT_LT(static_cast<double>(skin), 0.02 * static_cast<double>(near));
+}
+
+TEST(Clipping, IsToldWhereManyVoxelsHaveTheHighestValue) {
+  Scanner scanner;
+  scanner.noise = 4;
+  auto scan =
+      phantom::scan_of(phantom::peg(), Vec3(-4.5, -4.5, -10.5), Vec3(4.5, 4.5, 5.5), scanner);
+  VoxelizeReport report;
+  voxelize_scan(scan, coarse(), &report);
+  EXPECT_THAT(report.notes, testing::Not(testing::Contains(testing::HasSubstr("clipped"))));
+  for (float& grey : scan.data) grey = std::min(grey, 236.0f);
+  voxelize_scan(scan, coarse(), &report);
+  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("clipped")));
+}
+
+TEST(Hounsfield, APresetTellsTheClassesAndTheScanTheirBorders) {
+  Scanner scanner;
+  scanner.grey = {-1000, 1500, 2600, 250};
+  const auto scan =
+      phantom::scan_of(phantom::peg(), Vec3(-4.5, -4.5, -10.5), Vec3(4.5, 4.5, 5.5), scanner);
+  VoxelizeOptions options = coarse();
+  options.typical = {870, 1985};
+  VoxelizeReport report;
+  EXPECT_EQ(misplaced(voxelize_scan(scan, options, &report), phantom::peg(), 0.3), 0u);
+  // Half-way between the scan's own greys, not the preset's.
+  EXPECT_NEAR(report.threshold_dentin, 250, 40);
+  EXPECT_NEAR(report.threshold_enamel, 2050, 40);
+  EXPECT_THAT(report.notes, testing::Not(testing::Contains(testing::HasSubstr("Hounsfield"))));
+}
+
+TEST(Hounsfield, GreysWithoutAirAtMinusThousandAreDoubted) {
+  Scanner scanner;
+  scanner.grey = {0, 1500, 2600, 250};
+  const auto scan =
+      phantom::scan_of(phantom::peg(), Vec3(-4.5, -4.5, -10.5), Vec3(4.5, 4.5, 5.5), scanner);
+  VoxelizeOptions options = coarse();
+  options.typical = {870, 1985};
+  VoxelizeReport report;
+  voxelize_scan(scan, options, &report);
+  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("are these Hounsfield units?")));
+}
+
+using HounsfieldFile = ScanFiles;
+
+TEST_F(HounsfieldFile, IsReadStrictly) {
+  const std::string good =
+      "[[preset]]\nname = \"a\"\npulp_dentin = 800\ndentin_enamel = 1900\ndescription = \"d\"\n"
+      "source = \"s\"\n";
+  const auto presets = read_hounsfield_presets(write("a.toml", good));
+  ASSERT_EQ(presets.size(), 1u);
+  EXPECT_EQ(preset_named(presets, "a").dentin_enamel, 1900);
+  EXPECT_THROW(preset_named(presets, "b"), Error);
+  EXPECT_THROW(read_hounsfield_presets(write("b.toml", good + "other = 1\n")), InputError);
+  EXPECT_THROW(read_hounsfield_presets(write("c.toml", "[[preset]]\nname = \"a\"\n")), InputError);
+  std::string swapped = good;
+  swapped.replace(swapped.find("800"), 3, "2000");
+  EXPECT_THROW(read_hounsfield_presets(write("d.toml", swapped)), InputError);
+}
+
+}  // namespace
+}  // namespace toothprep
