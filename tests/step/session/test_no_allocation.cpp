@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "../support/allocation_counter.h"
+#include "../../support/allocation_counter.h"
 #include "experiment.h"
 
 namespace toothprep::testing {

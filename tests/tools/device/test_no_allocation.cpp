@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "../support/allocation_counter.h"
+#include "../../support/allocation_counter.h"
 #include "toothprep/tools/device/linear_damper_loop.h"
 
 namespace toothprep::testing {

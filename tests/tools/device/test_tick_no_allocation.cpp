@@ -2,7 +2,7 @@
 // The stand-in's count too, since a shared library uses the program's operator new.
 #include <gtest/gtest.h>
 
-#include "../support/allocation_counter.h"
+#include "../../support/allocation_counter.h"
 #include "rig.h"
 
 namespace toothprep::testing {

@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "../support/allocation_counter.h"
+#include "../../support/allocation_counter.h"
 #include "slot.h"
 #include "toothprep/tools/display/display_surface.h"
 

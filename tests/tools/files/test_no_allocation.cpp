@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "../support/allocation_counter.h"
+#include "../../support/allocation_counter.h"
 #include "recording_cases.h"
 #include "toothprep/tools/files/session_recorder.h"
 

@@ -1,7 +1,7 @@
 // The servo tick of a live session allocates nothing, counted as calls of operator new.
 #include <gtest/gtest.h>
 
-#include "../support/allocation_counter.h"
+#include "../../support/allocation_counter.h"
 #include "live_experiment.h"
 
 namespace toothprep::testing {

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "../session/experiment.h"
+#include "../../step/session/experiment.h"
 #include "made_recording.h"
 #include "toothprep/step/session/replay.h"
 #include "toothprep/tools/rig_check/rig_figures.h"

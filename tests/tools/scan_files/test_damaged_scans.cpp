@@ -12,7 +12,7 @@
 #include <random>
 #include <sstream>
 
-#include "scan_files.h"
+#include "../../support/scan_files.h"
 
 namespace toothprep {
 namespace {

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <functional>
 
-#include "scan_files.h"
+#include "../../support/scan_files.h"
 
 namespace toothprep {
 namespace {

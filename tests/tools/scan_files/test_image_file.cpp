@@ -5,8 +5,8 @@
 #include <cstring>
 #include <limits>
 
-#include "phantom.h"
-#include "scan_files.h"
+#include "../../support/phantom.h"
+#include "../../support/scan_files.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/scan_files/image_file.h"

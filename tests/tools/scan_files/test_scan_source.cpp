@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "scan_files.h"
+#include "../../support/scan_files.h"
 #include "toothprep/tools/scan_files/byte_stream.h"
 #include "toothprep/tools/segmentation/block_means.h"
 #include "toothprep/tools/segmentation/scan_survey.h"

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <sstream>
 
-#include "phantom.h"
-#include "scan_files.h"
+#include "../../support/phantom.h"
+#include "../../support/scan_files.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 
 namespace toothprep {

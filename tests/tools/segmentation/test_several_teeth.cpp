@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "phantom.h"
-#include "scan_files.h"
+#include "../../support/phantom.h"
+#include "../../support/scan_files.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "phantom.h"
+#include "../../support/phantom.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 
