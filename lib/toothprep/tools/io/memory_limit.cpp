@@ -1,0 +1,92 @@
+#include "toothprep/tools/io/memory_limit.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <sstream>
+
+namespace toothprep {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr std::uint64_t kNoLimit = std::numeric_limits<std::uint64_t>::max();
+
+std::optional<std::uint64_t> number_in(const fs::path& file) {
+  std::uint64_t value = 0;  // "max" is none
+  if (!(std::ifstream(file) >> value)) return {};
+  return value;
+}
+
+// The line "KEY VALUE" or "KEY: VALUE kB" of a file of such lines, as it stands.
+std::optional<std::uint64_t> field_in(const fs::path& file, const std::string& key) {
+  std::ifstream in(file);
+  for (std::string line; std::getline(in, line);) {
+    std::istringstream words(line);
+    std::string name;
+    std::uint64_t value = 0;
+    if (words >> name >> value && (name == key || name == key + ":")) return value;
+  }
+  return {};
+}
+
+// What the group of this folder leaves. Its page cache counts as used but is given back on demand.
+std::uint64_t left_in_group(const fs::path& folder, bool version2) {
+  const auto limit = number_in(folder / (version2 ? "memory.max" : "memory.limit_in_bytes"));
+  const auto used = number_in(folder / (version2 ? "memory.current" : "memory.usage_in_bytes"));
+  if (!limit || !used) return kNoLimit;
+  const std::uint64_t cache =
+      field_in(folder / "memory.stat", version2 ? "inactive_file" : "total_inactive_file")
+          .value_or(0);
+  return *limit - std::min(*limit, *used - std::min(*used, cache));
+}
+
+std::uint64_t left_in_groups() {
+  std::uint64_t left = kNoLimit;
+  std::ifstream in("/proc/self/cgroup");  // lines "ID:CONTROLLERS:/PATH"; version 2 names none
+  for (std::string line; std::getline(in, line);) {
+    const auto first = line.find(':'), second = line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string controllers = line.substr(first + 1, second - first - 1);
+    const bool version2 = controllers.empty();
+    if (!version2 && controllers != "memory") continue;
+    const fs::path root(version2 ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory");
+    // In a container the path may be the host's: then the root alone is there.
+    for (fs::path group = line.substr(second + 1);; group = group.parent_path()) {
+      left = std::min(left, left_in_group(root / group.relative_path(), version2));
+      if (!group.has_relative_path()) break;
+    }
+  }
+  return left;
+}
+
+std::uint64_t left_of_address_space() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return kNoLimit;
+  const std::uint64_t used =
+      number_in("/proc/self/statm").value_or(0) * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+  return limit.rlim_cur - std::min<std::uint64_t>(limit.rlim_cur, used);
+}
+
+}  // namespace
+
+std::uint64_t available_memory() {
+  const auto free = field_in("/proc/meminfo", "MemAvailable");  // kB
+  return std::min({free ? *free * 1024 : kNoLimit, left_in_groups(), left_of_address_space()});
+}
+
+std::string size_text(double bytes) {
+  const bool giga = bytes >= 0.9995e9;
+  const double value = bytes / (giga ? 1e9 : 1e6);
+  char text[64];
+  std::snprintf(text, sizeof text, value < 9.95 ? "%.1f %s" : "%.0f %s", value, giga ? "GB" : "MB");
+  return text;
+}
+
+}  // namespace toothprep
