@@ -1,9 +1,10 @@
 // Steady forces against the closed forms for a bur fully in one tissue (R radius, L engaged length,
 // v feed):
 //
-//   cylinder, side feed   F_feed = u v L / (4 alpha N)       F_across = u v L / (4 N)   T = u v R L
-//   / (pi N) ball, feed ⟂ axis     F_feed = pi u v R / (8 alpha N)    F_across = u v R / (2 N)   T
-//   = u v R² / (2 N) flat end, plunge      F_axis = u v R / (alpha N)         0 T = u v R² / (2 N)
+//                         F_feed                F_across        T
+//   cylinder, side feed   u v L / (4 alpha N)   u v L / (4 N)   u v R L / (pi N)
+//   ball, feed ⟂ axis     pi u v R / (8 alpha N)   u v R / (2 N)   u v R² / (2 N)
+//   flat end, plunge      u v R / (alpha N)     0               u v R² / (2 N)
 //
 // They follow from dF = u/(2 pi N) (v·n)(n_t - n_n/alpha) dphi dl: with phi from the feed
 // direction, int cos² = pi/2 and int cos = 2 over the advancing half of a cylinder; over half a

@@ -2,8 +2,10 @@
 // rotation rate N (Wu, Wang, Wang and Zhang, Eqs 6-9, with the weight ds/r = dphi dl integrated
 // over the advancing half, v·n > 0).
 //
-//   u specific grinding energy N/mm² · alpha = F_t / F_n · N rev/s · R radius mm · L engaged length
-//   mm · v mm/s · T torque N·mm · tau_s stall torque N·mm
+//   u      specific grinding energy, N/mm²      alpha  F_t / F_n
+//   N      rotation rate, rev/s                 R      radius, mm
+//   L      engaged length, mm                   v      feed, mm/s
+//   T      torque, N·mm                         tau_s  stall torque, N·mm
 //
 //   case                       against the feed        across the feed   T
 //   cylinder, feed _|_ axis    u v L / (4 alpha N)     u v L / (4 N)     u v R L / (pi N)

@@ -11,9 +11,8 @@
 //   alpha_k     1             F_t / F_n of that tissue
 //   N           rev/s         rotation rate, constant
 //   v           mm/s          velocity of the bur, the same for all its points
-//   n           unit          outward normal; n_t: opposite to the surface's own velocity, +phi^ in
-//   B
-//                             for a clockwise bur (seen from the shank), -phi^ otherwise
+//   n           unit          outward normal; n_t: opposite to the surface's own velocity, +phi^
+//                             in B for a clockwise bur (seen from the shank), -phi^ otherwise
 //   dphi dl     mm            ds / r: angle about the axis, length along the profile
 //
 // Valid where all advancing surface that lies in the block meets fresh tissue: a convex head on its

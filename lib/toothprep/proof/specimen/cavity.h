@@ -7,9 +7,9 @@
 // degrees.
 //
 //   original   a prism size.x by size.z in plan, size.y high, its vertical edges rounded by
-//   `corner`
-//              (half the smaller side: a cylinder if size.x = size.z); enamel above y = -enamel,
-//              dentin below, in it optionally a box of pulp; beside it optionally a neighbour.
+//              `corner` (half the smaller side: a cylinder if size.x = size.z); enamel above
+//              y = -enamel, dentin below, in it optionally a box of pulp; beside it optionally a
+//              neighbour.
 //   kBox       a box cavity. A wall lies at  +-length/2 + (w + depth) tan(taper)  from the middle,
 //              so that `length` and `width` hold at the level of the floor's centre, w = -depth; a
 //              positive taper opens towards the occlusal, a negative one is an undercut. The floor
@@ -114,20 +114,18 @@ using CavityTruth = std::vector<TruthFigure>;
 // (1e-6). Lengths are those between the planes of floor and walls, line angles not rounded.
 //
 //   removed_mm3.enamel|dentin|pulp|other|total, neighbour_damage_mm3; with offset also
-//   required_mm3,
-//     removed_inside_mm3, over_prepared_mm3, under_prepared_mm3, dice, deviation_mean_mm (negative:
-//     too much was taken), deviation_rms_mm, deviation_p95_mm, and of a box hausdorff_mm. Volumes
-//     are left out for a class II with offset; single tissues where an offset's rounded edges
-//     cross the enamel's border.
+//     required_mm3, removed_inside_mm3, over_prepared_mm3, under_prepared_mm3, dice,
+//     deviation_mean_mm (negative: too much was taken), deviation_rms_mm, deviation_p95_mm, and of
+//     a box hausdorff_mm. Volumes are left out for a class II with offset; single tissues where an
+//     offset's rounded edges cross the enamel's border.
 //   depth_mm: median of the vertical distance from the margin plane to the floor, over the floor's
 //     area; depth_min_mm and depth_max_mm its 5 and 95 % values, depth_least_mm and
 //     depth_greatest_mm its bounds, depth_centre_mm at u = v = 0; floor_tilt_deg,
 //     floor_flatness_mm: of and about the best plane, by area in plan
 //   wall_angles_deg.mesial (u+), .distal (u-), .buccal (v+), .lingual (v-), in class II also
-//   .axial,
-//     .proximal_buccal, .proximal_lingual: against the axis, positive where the wall faces the
-//     opening; convergence_deg.mesiodistal, .buccolingual, .mean: of opposite walls, positive for a
-//     stump that narrows towards the occlusal, negative for a cavity that opens
+//     .axial, .proximal_buccal, .proximal_lingual: against the axis, positive where the wall faces
+//     the opening; convergence_deg.mesiodistal, .buccolingual, .mean: of opposite walls, positive
+//     for a stump that narrows towards the occlusal, negative for a cavity that opens
 //   length_mm, width_mm: at half the depth of the floor's centre, or half a stump's height;
 //     length_floor_mm, width_floor_mm at the floor's centre; length_margin_mm, width_margin_mm at
 //     the margin plane; length_shoulder_mm, length_top_mm (and width) of a stump

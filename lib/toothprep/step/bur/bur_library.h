@@ -1,22 +1,6 @@
 // Burs by shorthand (`cylinder:D1.2xL3.0`, `ball:D1.2`, ...: bur_shapes.h), by a name of the
-// library (data/burs/library.toml), or from a profile file.
-//
-// A profile file is TOML, lengths in mm:
-//
-//   name = "my bur"                      # optional, the file's name otherwise; description,
-//   source: free texts shape = "cylinder:D1.2xL3.0"         # either a shorthand,
-//   [[piece]]                            # or the outline in (r, z), from the tip at (0, 0) upwards
-//   kind = "line"                        #   line: to_mm = [r, z]
-//   to_mm = [0.4, 0.0]
-//   [[piece]]
-//   kind = "arc"                         #   arc: to_mm, and center_mm = [r, z] or radius_mm (the
-//   arc to_mm = [0.6, 0.2]                   #   below 180 degrees); convex = false where it bends
-//   inwards radius_mm = 0.2
-//   [[piece]]
-//   kind = "polyline"                    #   polyline: lists r_mm and z_mm, such as a measured worn
-//   outline r_mm = [0.61, 0.60] z_mm = [1.5, 3.0] [shank]                              # optional;
-//   the default neck otherwise. diameter_mm = 0: none diameter_mm = 1.0 top_mm = 9.0 # 6 mm above
-//   the head otherwise
+// library (data/burs/library.toml), or from a profile file. The three formats are described in
+// data/burs/README.md.
 //
 // An outline that stops at its highest point is closed by a disc there. That disc doesn't grind,
 // nor does any piece with grinds = false.

@@ -1,23 +1,26 @@
 // Burs from a shorthand: `shape:` and parameters in mm, each a letter and a number, joined by `x`.
+// data/burs/README.md has the letters' ranges and examples.
 //
 //   D  largest diameter of the head              T  diameter at the tip
 //   L  length of the head, closing end to tip    A  angle of the flank, degrees per side
-//   R  radius of the corner at the tip           N  diameter of the head's shank end, where it
-//   narrows B  height of the largest diameter over the tip S  diameter of the neck (0: none)
+//   R  radius of the corner at the tip           N  diameter of the head's shank end (narrowing)
+//   B  height of the largest diameter            S  diameter of the neck (0: none)
+//      over the tip
 //
 //   ball:D                    sphere
 //   cylinder:DxL[xR]          flat end; R rounds the corner, up to R = D/2
 //   round-cylinder:DxL        hemispherical end
-//   cone:DxLxT|A[xR]          flat end of diameter T (before R rounds its corner; 0: a point), D at
-//   the shank's end taper:DxLxT|A             the same with a round end: a sphere of diameter T
-//   that the flank touches inverted-cone:DxLxN|A[xR] flat end of diameter D, narrowing to N at the
-//   shank's end pear:DxLxN|A[xR]          round end (R default D/2, less leaves a flat), narrowing
-//   to N flame:DxL[xBxNxT]         two arcs that meet with a vertical tangent at height B (default
-//   0.6 L) and
-//                             narrow to N (default 0.8 D) above; T (default 0) is the diameter of
-//                             the sphere that blunts the point
-//   torpedo:DxL[xBxT]         an arc from the point to full diameter at height B (default D), then
-//   a cylinder
+//   cone:DxLxT|A[xR]          flat end of diameter T (before R rounds its corner; 0: a point),
+//                             D at the shank's end
+//   taper:DxLxT|A             the same with a round end: a sphere of diameter T that the flank
+//                             touches
+//   inverted-cone:DxLxN|A[xR] flat end of diameter D, narrowing to N at the shank's end
+//   pear:DxLxN|A[xR]          round end (R default D/2, less leaves a flat), narrowing to N
+//   flame:DxL[xBxNxT]         two arcs that meet with a vertical tangent at height B (default
+//                             0.6 L) and narrow to N (default 0.8 D) above; T (default 0) is the
+//                             diameter of the sphere that blunts the point
+//   torpedo:DxL[xBxT]         an arc from the point to full diameter at height B (default D),
+//                             then a cylinder
 //
 // Without S the neck is half as thick as a ball, 0.8 times as thick as the shank's end of any other
 // head, and never above 1.6 mm (a friction-grip shank). It is modelled for 6 mm above the head,

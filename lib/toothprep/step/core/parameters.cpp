@@ -12,8 +12,7 @@
 namespace toothprep {
 namespace {
 
-constexpr double kLargestTimeStep =
-    0.1;  // s; a haptic step is 1 ms, a tenth of a second is a mistake
+constexpr double kLargestTimeStep = 0.1;  // s; a haptic step is 1 ms, a tenth is a mistake
 
 // Every key of a parameter file, dotted; used to guess what an unknown key was meant to be.
 std::vector<std::string> all_keys() {

@@ -1,8 +1,7 @@
 // How changes of the cut leave the servo thread: copies of the bricks that changed, in a ring of
 // fixed size with one writer and one reader, both wait-free.
 //
-//   grinding --marks--> ChangedBricks --tick(): copies, a few--> ring --receive()--> the reader's
-//   cut
+//   grinding --marks--> ChangedBricks --tick(): a few copies--> ring --receive()--> reader's cut
 //
 // The reader never looks at the workpiece's cut, so nothing has to be consistent with it while it
 // is written: it has a cut of its own, of which every sample is one that the session had. A tick

@@ -5,15 +5,18 @@
 // loses no more than that. Beyond the datasets of a trace, a row per tick:
 //
 //   /servo/time               s      when the tick began, since the servo's start
-//   /servo/tick, /servo/missed       the device's count; periods without a tick before this one
+//   /servo/tick               1      the device's count
+//   /servo/missed             1      periods without a tick before this one
 //   /servo/step_time          s      CPU time of the tick's work
-//   /servo/flags, /servo/fault       LiveFlag, DeviceFault
+//   /servo/flags              1      LiveFlag
+//   /servo/fault              1      DeviceFault
 //   /servo/force_commanded    N x3   frame D, after all limits
 //   /servo/force_sent         N x3   frame D, what the device sent in the tick before
 //   /servo/force_scale        1      of the device's ramp
-//   /device/position          mm x3, /device/orientation x4 (x, y, z, w), /device/buttons   frame
-//   D, as read /mirror/position, /mirror/orientation, /mirror/buttons       if there is a second
-//   device
+//   /device/position          mm x3  frame D, as read
+//   /device/orientation       1 x4   x, y, z, w
+//   /device/buttons           1      bits
+//   /mirror/position, /mirror/orientation, /mirror/buttons: the same of a second device
 //
 // and root attributes: live = 1, complete (0 until it was closed), device_* (identity and limits),
 // registration_* (D to W), dropped_ticks, end_reason.

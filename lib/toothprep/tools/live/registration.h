@@ -4,13 +4,7 @@
 //   x_W = R x_D + t          position of the bur's tip, mm
 //   q_W = R q_D S            orientation; S: how the bur sits in the stylus
 //
-// File (.toml), all keys optional:
-//
-//   rotation_xyzw = [0, 0, 0, 1]        R, D to W
-//   translation_mm = [0, 0, 0]          t; without it the first reading is put at the start place
-//   stylus_to_bur_xyzw = [0, 0, 0, 1]   S: B (bur, +z from tip to shank) to the stylus' frame
-//   fixed_axis = [0, 1, 0]              W, tip to shank: the bur keeps this axis, whatever the
-//   stylus does
+// R, t and S come from a registration file: data/rig/FORMATS.md.
 #pragma once
 
 #include <optional>

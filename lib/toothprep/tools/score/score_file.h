@@ -8,8 +8,9 @@
 //   uncertainty  {KEY: half width of the 95 % interval}, full keys with their dots
 //   rubric       {name, type, source, pass_points}      these only when a rubric was given
 //   criteria     [{key, name, unit, value, uncertainty, ideal, tolerated, hard_fail, points, of,
-//   verdict, ...}] points_percent, points_percent_low, points_percent_high, passed,
-//   verdict_certain, fail_reasons notes        sentences for people
+//                verdict, ...}]
+//   points_percent, points_percent_low, points_percent_high, passed, verdict_certain, fail_reasons
+//   notes        sentences for people
 //
 // A number that is not finite is never written: the key is absent, an open end of a range is null.
 #pragma once

@@ -24,9 +24,8 @@ struct Line {  // s(t) = speed t + acceleration t²/2 along `direction`
   double speed, acceleration;
 };
 struct Arc {
-  Vec3 center, normal,
-      radius;   // `radius`: from the axis to the start; center: the foot on the axis
-  double rate;  // rad/s, signed
+  Vec3 center, normal, radius;  // center: foot on the axis; radius: from there to the start
+  double rate;                  // rad/s, signed
 };
 struct Polyline {
   std::vector<Vec3> points;
@@ -207,8 +206,8 @@ void read_lattice(StrictTable& table, Segment& segment) {
   const Vec3 down = -(segment.from.orientation * Vec3::UnitZ());
   std::vector<Vec3> points = {segment.from.position, origin};
   std::vector<double> speeds = {speed};
-  std::int64_t side = 0,
-               row = 0;  // the corner of the pocket where the bur is: 0 or 1, 0 or intervals
+  // The corner of the pocket where the bur is: 0 or 1, 0 or intervals.
+  std::int64_t side = 0, row = 0;
   const auto corner = [&](std::int64_t layer) {
     return origin + static_cast<double>(layer) * depth * down + static_cast<double>(side) * u +
            (static_cast<double>(row) / gaps) * v;

@@ -34,23 +34,8 @@ Trajectory read_csv_trajectory(const std::string& path);
 Trajectory read_csv_trajectory(const std::string& path, const std::vector<std::string>& also,
                                std::map<std::string, std::vector<double>>& further);
 
-// Runs a trajectory script (.toml): `start_mm`, `axis` (tip to shank, default +z), `spin_deg`,
-// `rate_hz` (default 1000), then [[segment]] tables in order, each with a `kind`:
-//   line       to_mm; speed_mm_s, or acceleration_mm_s2 (from rest, or from speed_mm_s if both are
-//   given) hold       duration_s arc        center_mm, normal, angle_deg, speed_mm_s: turns about
-//   the axis through the centre, right-
-//              handed about the normal; the radius is the start's distance from that axis
-//   waypoints  points_mm, speed_mm_s: straight legs
-//   lattice    origin_mm, u_mm, v_mm (edges of the pocket), step_mm, speed_mm_s; layers (1),
-//              layer_depth_mm, plunge_speed_mm_s (speed_mm_s): goes straight to origin_mm, then
-//              mills layer k = 1, 2, ... at k * layer_depth_mm below it (against the bur's axis at
-//              the segment's start) in passes along +-u, at most step_mm apart and equally spaced,
-//              so that the last runs along the far edge. Each layer is entered by a plunge where
-//              the one before ended, and goes back over the passes. Without layer_depth_mm one
-//              layer at origin_mm.
-// Any segment may turn the bur over its duration: `axis` by the shortest arc from its present axis
-// (slerp), `spin_deg` about its own axis. `pedal` = false switches the motor off during the
-// segment.
+// Runs a trajectory script (.toml): a start pose, then segments `line`, `hold`, `arc`, `waypoints`
+// and `lattice`. Every key is described in data/trajectories/README.md.
 //
 // Samples stand at exactly i / rate_hz across all segments; the last one, at or just after the end,
 // is the end pose. Throws InputError with the key, e.g. "segment[3].speed_mm_s", also for more than
