@@ -1,8 +1,8 @@
 // Bricks against OpenVDB for what the 1 kHz step does with a level set: trilinear look-ups along
-// the bur's skin while it advances, and writing what it removed. Figures and decision:
+// the bur's surface while it advances, and writing what it removed. Figures and decision:
 // lib/toothprep/step/tooth/README.md.
 //
-// The set-up is a slot in a block, a cylinder (1.2 x 3 mm) at its end, 1250 points on its skin,
+// The set-up is a slot in a block, a cylinder (1.2 x 3 mm) at its end, 1250 points on its surface,
 // advancing by 0.0005 mm per step (0.5 mm/s at 1 kHz). One iteration is one step.
 #include <benchmark/benchmark.h>
 #include <openvdb/openvdb.h>
@@ -28,7 +28,7 @@ struct Scene {
   double voxel;
   LayeredTooth tooth;
   openvdb::FloatGrid::Ptr grid;
-  std::vector<Vec3> skin;  // index coordinates at the start of the path
+  std::vector<Vec3> surface;  // index coordinates at the start of the path
 
   explicit Scene(double d) : voxel(d) {
     Lattice lattice;
@@ -66,7 +66,7 @@ struct Scene {
     for (int l = 0; l < up; ++l)
       for (int a = 0; a < around; ++a) {
         const double phi = 2 * units::kPi * (a + 0.5) / around;
-        skin.push_back(lattice.to_index(Vec3(kRadius * std::cos(phi), -1 + kRadius * std::sin(phi),
+        surface.push_back(lattice.to_index(Vec3(kRadius * std::cos(phi), -1 + kRadius * std::sin(phi),
                                              kLength * ((l + 0.5) / up - 0.5))));
       }
   }
@@ -113,7 +113,7 @@ void look_up_bricks(benchmark::State& state) {
   for (auto _ : state) {
     const double moved = advance(step, s);
     float inside = 0;
-    for (const Vec3& x : s.skin) inside += trilinear(s.tooth.solid, x.x(), x.y() - moved, x.z());
+    for (const Vec3& x : s.surface) inside += trilinear(s.tooth.solid, x.x(), x.y() - moved, x.z());
     benchmark::DoNotOptimize(inside);
   }
   state.counters["bricks_MB"] = static_cast<double>(s.tooth.solid.memory_bytes()) / 1e6;
@@ -126,7 +126,7 @@ void look_up_openvdb(benchmark::State& state) {
   for (auto _ : state) {
     const double moved = advance(step, s);
     float inside = 0;
-    for (const Vec3& x : s.skin)
+    for (const Vec3& x : s.surface)
       inside +=
           openvdb::tools::BoxSampler::sample(accessor, openvdb::Vec3d(x.x(), x.y() - moved, x.z()));
     benchmark::DoNotOptimize(inside);

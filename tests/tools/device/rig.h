@@ -81,7 +81,7 @@ class Rig {
   virtual void run(long ticks) = 0;  // or until the servo stops running
   virtual void inject(DeviceFault fault, long ticks) = 0;
   virtual Vec3 motor_force() const = 0;      // N, after a stop or between runs
-  virtual Vec3 commanded_force() const = 0;  // N, what the device was last told
+  virtual Vec3 commanded_force() const = 0;  // N, last sent to the device
   virtual Vec3 true_position() const = 0;    // mm
   virtual bool real_time() const = 0;
 
@@ -192,7 +192,7 @@ class OpenHapticsRig final : public Rig {
   const StandIn& stand_in_ = StandIn::get();
 };
 
-// A client that answers with one force, or as told, and keeps what it was given. Read it only while
+// A client that answers with one force, or a given one, and keeps what it was given. Read it only while
 // the servo doesn't run.
 class Recorder : public ServoClient {
  public:

@@ -124,7 +124,7 @@ TEST_P(Conformance, StopLeavesZeroForceAndNoMoreTicks) {
   r->device().stop();
   const std::size_t ticks = client.readings.size();
   EXPECT_EQ(r->motor_force(), Vec3::Zero());
-  // A stepped device gets no further tick to be told zero in: its forces are switched off instead.
+  // A stepped device gets no further tick for a zero force: its forces are switched off instead.
   if (r->real_time()) {
     EXPECT_EQ(r->commanded_force(), Vec3::Zero());
   }

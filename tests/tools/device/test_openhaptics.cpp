@@ -172,7 +172,7 @@ TEST_F(OpenHaptics, ALostMirrorHandStopsTheGrindingHandToo) {
 }
 
 TEST_F(OpenHaptics, AnErrorAtTheEndOfATickIsToldAtOnce) {
-  // There may be no next tick to tell it in.
+  // There may be no next tick to report it in.
   const auto device = open("[[fault]]\nwhat = \"force-error\"\nat_tick = 5");
   Recorder client(Vec3(1, 0, 0));
   device->start(client);

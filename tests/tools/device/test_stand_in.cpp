@@ -1,5 +1,5 @@
 // The stand-in is only worth something if it finds fault with wrong programs, and if what it is
-// told to do wrong it does as told.
+// set to do wrong it does so.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

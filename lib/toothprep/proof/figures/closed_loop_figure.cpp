@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/device/stability_map.h"
@@ -180,8 +180,8 @@ void claim_known_points(FigureReport& figure, const Experiment& experiment,
 
 }  // namespace
 
-FigureReport closed_loop_figure(const Experiment& experiment, Workshop& workshop) {
-  const FigureOptions& o = workshop.options();
+FigureReport closed_loop_figure(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& o = context.options();
   FigureReport figure;
   const Run& given = experiment.runs.front();
   Parameters parameters = parameters_of(given, o.base);
@@ -192,9 +192,9 @@ FigureReport closed_loop_figure(const Experiment& experiment, Workshop& workshop
   runs[1].name = "coupled";
   runs[1].drive = Drive::kCoupled;
   std::array<Loop, 2> loops;
-  workshop.run({{experiment.name, [&] { loops[0] = run_loop(experiment, runs[0], parameters, o); }},
-                {experiment.name, [&] { loops[1] = run_loop(experiment, runs[1], parameters, o); }},
-                {experiment.name, [&] { add_maps(figure, experiment, parameters); }}});
+  context.run({{experiment.name, [&] { loops[0] = run_loop(experiment, runs[0], parameters, o); }},
+               {experiment.name, [&] { loops[1] = run_loop(experiment, runs[1], parameters, o); }},
+               {experiment.name, [&] { add_maps(figure, experiment, parameters); }}});
 
   const std::string engine = name_of(parameters.engine);
   Plot plot;
@@ -205,7 +205,7 @@ FigureReport closed_loop_figure(const Experiment& experiment, Workshop& workshop
   for (int i = 0; i < 2; ++i) {
     const Loop& loop = loops[i];
     RunReport report = report_of(runs[i], loop.outcome, o.voxel, nullptr);
-    report.trace = workshop.write_trace(experiment, runs[i].name, runs[i], loop.outcome);
+    report.trace = context.write_trace(experiment, runs[i].name, runs[i], loop.outcome);
     figure.runs.push_back(report);
     std::vector<std::vector<double>> columns(10);
     for (std::size_t n = 0; n < loop.series.time.size(); ++n) {
@@ -216,7 +216,7 @@ FigureReport closed_loop_figure(const Experiment& experiment, Workshop& workshop
         columns[7 + a].push_back(loop.series.force[n][a]);
       }
     }
-    const std::string series = workshop.write_series(
+    const std::string series = context.write_series(
         experiment, runs[i].name + "-loop",
         {"time_s", "intended_x_mm", "intended_y_mm", "intended_z_mm", "true_x_mm", "true_y_mm",
          "true_z_mm", "motor_force_x_N", "motor_force_y_N", "motor_force_z_N"},

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 #include "toothprep/proof/reference/closed_forms.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
@@ -121,11 +121,11 @@ void claim_imposed_force(FigureReport& figure, const Run& run, const Bur& bur,
 
 }  // namespace
 
-FigureReport droop_figure(const Experiment& experiment, Workshop& workshop) {
-  const FigureOptions& o = workshop.options();
+FigureReport droop_figure(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& o = context.options();
   FigureReport figure;
   std::vector<Outcome> outcomes(experiment.runs.size());
-  std::vector<Workshop::Job> jobs;
+  std::vector<FigureContext::Job> jobs;
   for (std::size_t i = 0; i < experiment.runs.size(); ++i)
     jobs.push_back({experiment.name, [&, i] {
                       const Run& run = experiment.runs[i];
@@ -134,12 +134,12 @@ FigureReport droop_figure(const Experiment& experiment, Workshop& workshop) {
                       outcomes[i] =
                           run_on(run, p, make_specimen(experiment, o.voxel), o.bur_library);
                     }});
-  workshop.run(jobs);
+  context.run(jobs);
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
     const Outcome& outcome = outcomes[i];
     RunReport report = report_of(run, outcome, o.voxel, nullptr);
-    report.trace = workshop.write_trace(experiment, run.name, run, outcome);
+    report.trace = context.write_trace(experiment, run.name, run, outcome);
     std::string exact_file;
     if (run.drive == Drive::kDirect) {
       const std::vector<HandleSample> path = path_of(run, outcome.parameters);
@@ -147,7 +147,7 @@ FigureReport droop_figure(const Experiment& experiment, Workshop& workshop) {
       claim_imposed_feed(figure, outcome,
                          exact_answer(experiment, run, outcome.parameters, path, o.bur_library),
                          drooped);
-      exact_file = workshop.write_exact(experiment, run.name + "-exact", path, drooped);
+      exact_file = context.write_exact(experiment, run.name + "-exact", path, drooped);
       report.exact = exact_file;
     } else {
       claim_imposed_force(figure, run, make_bur(run.bur, o.bur_library), outcome);

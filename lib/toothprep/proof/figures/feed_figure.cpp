@@ -3,7 +3,7 @@
 #include <cmath>
 #include <optional>
 
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 #include "toothprep/proof/reference/closed_forms.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
@@ -228,8 +228,8 @@ void claim_accuracy(FigureReport& figure, const Run& run, const std::vector<Vari
 
 }  // namespace
 
-FigureReport feed_figure(const Experiment& experiment, Workshop& workshop) {
-  const FigureOptions& o = workshop.options();
+FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& o = context.options();
   FigureReport figure;
   for (const Run& run : experiment.runs) {
     const Parameters parameters = parameters_of(run, o.base);
@@ -241,7 +241,7 @@ FigureReport feed_figure(const Experiment& experiment, Workshop& workshop) {
     for (const EngineKind engine : o.engines)
       for (const double voxel : {2 * o.voxel, o.voxel, o.voxel / 2})
         variants.push_back({engine, voxel, voxel == o.voxel, {}, {}});
-    std::vector<Workshop::Job> jobs;
+    std::vector<FigureContext::Job> jobs;
     // The finest first, so that the last to be done are short.
     std::vector<Variant*> order;
     for (Variant& v : variants) order.push_back(&v);
@@ -263,21 +263,21 @@ FigureReport feed_figure(const Experiment& experiment, Workshop& workshop) {
                           if (variant->voxel <= o.voxel) throw;
                         }
                       }});
-    workshop.run(jobs);
+    context.run(jobs);
 
     const std::string prefix = experiment.runs.size() > 1 ? run.name + "-" : "";
-    const std::string exact_file = workshop.write_exact(experiment, prefix + "exact", path, exact);
+    const std::string exact_file = context.write_exact(experiment, prefix + "exact", path, exact);
     std::vector<Curve> curves;
     for (Variant& v : variants) {
       if (!v.report) continue;
       if (v.main) {
         const std::string name = prefix + name_of(v.engine);
-        v.report->trace = workshop.write_trace(experiment, name, run, *v.outcome);
+        v.report->trace = context.write_trace(experiment, name, run, *v.outcome);
         v.report->exact = exact_file;
         curves.push_back({v.engine == EngineKind::kLevelset ? "level sets" : "voxels",
                           v.report->trace, "",
                           v.engine == EngineKind::kLevelset ? "run" : "second"});
-        const std::string mesh = workshop.write_surface(experiment, name, v.outcome->prepared);
+        const std::string mesh = context.write_surface(experiment, name, v.outcome->prepared);
         figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png", mesh));
       }
       figure.runs.push_back(*v.report);

@@ -2,29 +2,29 @@
 
 #include <cmath>
 
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 
 namespace toothprep::figures {
 namespace {
 
-FigureReport run_experiment(const Experiment& experiment, Workshop& workshop) {
+FigureReport run_experiment(const Experiment& experiment, FigureContext& context) {
   switch (experiment.kind) {
     case Kind::kPlateaus:
     case Kind::kProportionalToSpeed:
     case Kind::kProportionalToArea:
-      return feed_figure(experiment, workshop);
+      return feed_figure(experiment, context);
     case Kind::kStall:
-      return stall_figure(experiment, workshop);
+      return stall_figure(experiment, context);
     case Kind::kClosedLoop:
-      return closed_loop_figure(experiment, workshop);
+      return closed_loop_figure(experiment, context);
     case Kind::kPreparations:
-      return preparation_figure(experiment, workshop);
+      return preparation_figure(experiment, context);
     case Kind::kLiteral:
-      return literal_figure(experiment, workshop);
+      return literal_figure(experiment, context);
     case Kind::kDroop:
-      return droop_figure(experiment, workshop);
+      return droop_figure(experiment, context);
   }
   return {};
 }
@@ -89,10 +89,10 @@ std::vector<FigureReport> run_figures(const FigureOptions& options) {
     check(experiments.back(), options);
     replays += replays_of(experiments.back(), options);
   }
-  Workshop workshop(options, replays);
+  FigureContext context(options, replays);
   std::vector<FigureReport> figures;
   for (const Experiment& experiment : experiments) {
-    FigureReport report = run_experiment(experiment, workshop);
+    FigureReport report = run_experiment(experiment, context);
     report.name = experiment.name;
     report.title = experiment.title;
     figures.push_back(std::move(report));

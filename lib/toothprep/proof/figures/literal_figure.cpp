@@ -1,9 +1,9 @@
-// Places where this toolkit departs from the letter of the paper, run both ways.
+// Places where this implementation departs from the paper's wording, run both ways.
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 
 namespace toothprep::figures {
 namespace {
@@ -81,11 +81,11 @@ void claim_consequences(FigureReport& figure, const Run& run, const Outcome& our
 
 }  // namespace
 
-FigureReport literal_figure(const Experiment& experiment, Workshop& workshop) {
-  const FigureOptions& o = workshop.options();
+FigureReport literal_figure(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& o = context.options();
   FigureReport figure;
   std::vector<std::array<Outcome, 2>> outcomes(experiment.runs.size());
-  std::vector<Workshop::Job> jobs;
+  std::vector<FigureContext::Job> jobs;
   for (std::size_t i = 0; i < experiment.runs.size(); ++i)
     for (const bool literal : {false, true})
       jobs.push_back({experiment.name, [&, i, literal] {
@@ -94,7 +94,7 @@ FigureReport literal_figure(const Experiment& experiment, Workshop& workshop) {
                             run_on(run, parameters_of(run, o.base, literal),
                                    make_specimen(experiment, o.voxel), o.bur_library);
                       }});
-  workshop.run(jobs);
+  context.run(jobs);
 
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
@@ -110,7 +110,7 @@ FigureReport literal_figure(const Experiment& experiment, Workshop& workshop) {
       RunReport report = report_of(run, outcomes[i][literal], o.voxel, nullptr);
       const std::string name = run.name + (literal ? "-literal" : "-here");
       report.run = name;
-      report.trace = workshop.write_trace(experiment, name, run, outcomes[i][literal]);
+      report.trace = context.write_trace(experiment, name, run, outcomes[i][literal]);
       figure.runs.push_back(report);
       for (int p = 0; p < 4; ++p)
         plot.panels[p].curves.push_back(

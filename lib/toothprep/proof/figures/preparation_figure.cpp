@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 
 namespace toothprep::figures {
 namespace {
@@ -28,14 +28,14 @@ std::vector<std::vector<std::size_t>> chains_of(const std::vector<Run>& runs) {
 
 }  // namespace
 
-FigureReport preparation_figure(const Experiment& experiment, Workshop& workshop) {
-  const FigureOptions& o = workshop.options();
+FigureReport preparation_figure(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& o = context.options();
   FigureReport figure;
   const LayeredTooth whole = make_specimen(experiment, o.voxel);
-  workshop.write_surface(experiment, "before", whole);
-  const std::string before = workshop.write_layers(experiment, "before", whole);
+  context.write_surface(experiment, "before", whole);
+  const std::string before = context.write_layers(experiment, "before", whole);
   std::vector<Outcome> outcomes(experiment.runs.size());
-  std::vector<Workshop::Job> jobs;
+  std::vector<FigureContext::Job> jobs;
   for (const std::vector<std::size_t>& chain : chains_of(experiment.runs))
     jobs.push_back(
         {experiment.name,
@@ -55,16 +55,16 @@ FigureReport preparation_figure(const Experiment& experiment, Workshop& workshop
            }
          },
          static_cast<int>(chain.size())});
-  workshop.run(jobs);
+  context.run(jobs);
 
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
     const Outcome& outcome = outcomes[i];
     const std::string engine = name_of(outcome.parameters.engine);
     RunReport report = report_of(run, outcome, o.voxel, nullptr);
-    report.trace = workshop.write_trace(experiment, run.name, run, outcome);
-    workshop.write_surface(experiment, run.name, outcome.prepared);
-    const std::string prepared = workshop.write_layers(experiment, run.name, outcome.prepared);
+    report.trace = context.write_trace(experiment, run.name, run, outcome);
+    context.write_surface(experiment, run.name, outcome.prepared);
+    const std::string prepared = context.write_layers(experiment, run.name, outcome.prepared);
     for (const char* view : {"occlusal", "oblique"})
       figure.pictures.push_back(
           {experiment.name + "/" + run.name + "-" + view + ".png", prepared, before, view});

@@ -1,7 +1,7 @@
 // Stall (figure 14): where the bur stalls, how it stands, and how it starts again.
 #include <cmath>
 
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 #include "toothprep/proof/reference/closed_forms.h"
 #include "toothprep/step/bur/bur_library.h"
 
@@ -100,8 +100,8 @@ void claim_stall(FigureReport& figure, const Run& run, const Bur& bur, const Out
 
 }  // namespace
 
-FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
-  const FigureOptions& o = workshop.options();
+FigureReport stall_figure(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& o = context.options();
   FigureReport figure;
   struct Variant {
     const Run* run;
@@ -113,7 +113,7 @@ FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
   std::vector<Variant> variants;
   for (const Run& run : experiment.runs)
     for (const EngineKind engine : o.engines) variants.push_back({&run, engine, {}, {}, {}});
-  std::vector<Workshop::Job> jobs;
+  std::vector<FigureContext::Job> jobs;
   for (Variant& v : variants)
     jobs.push_back({experiment.name, [&] {
                       Parameters p = parameters_of(*v.run, o.base);
@@ -129,7 +129,7 @@ FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
                       v.exact.torque.resize(s.end);
                       v.exact.area.resize(s.end);
                     }});
-  workshop.run(jobs);
+  context.run(jobs);
 
   for (const Run& run : experiment.runs) {
     Plot plot;
@@ -141,9 +141,9 @@ FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
       if (v.run != &run) continue;
       const std::string name = run.name + "-" + name_of(v.engine);
       RunReport report = report_of(run, v.outcome, o.voxel, &v.exact);
-      report.trace = workshop.write_trace(experiment, name, run, v.outcome);
+      report.trace = context.write_trace(experiment, name, run, v.outcome);
       if (exact_file.empty())
-        exact_file = workshop.write_exact(experiment, run.name + "-exact", v.path, v.exact);
+        exact_file = context.write_exact(experiment, run.name + "-exact", v.path, v.exact);
       report.exact = exact_file;
       curves.insert(curves.begin(),
                     {v.engine == EngineKind::kLevelset ? "level sets" : "voxels", report.trace, "",
@@ -152,7 +152,7 @@ FigureReport stall_figure(const Experiment& experiment, Workshop& workshop) {
       figure.runs.push_back(report);
       claim_stall(figure, run, make_bur(run.bur, o.bur_library), v.outcome, v.exact);
       if (run.name == experiment.runs.front().name && v.engine == o.engines.front()) {
-        const std::string mesh = workshop.write_surface(experiment, name, v.outcome.prepared);
+        const std::string mesh = context.write_surface(experiment, name, v.outcome.prepared);
         figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png", mesh));
       }
     }

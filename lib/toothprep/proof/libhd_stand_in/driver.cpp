@@ -665,7 +665,7 @@ void Driver::run_in_real_time() {
       }
     }
     sleep_until(due);
-    if (leave_) return;  // no last tick as a favour: a program has to ask for zero force itself
+    if (leave_) return;  // no last tick: a program has to command zero force itself
     tick();
     const Lock lock(mutex_);
     const double next = start + static_cast<double>(clock_tick_ - first_tick_) * period;

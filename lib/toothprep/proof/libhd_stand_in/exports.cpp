@@ -34,7 +34,7 @@ void set(HDenum what, Type type, const Value* values) {
 
 }  // namespace
 
-// The declarations hold the definitions below to the interface, letter by letter.
+// The declarations check the definitions below against the interface.
 extern "C" {
 #pragma GCC visibility push(default)
 #define TOOTHPREP_DECLARE(result, name, parameters) result name parameters;

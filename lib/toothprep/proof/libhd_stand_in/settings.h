@@ -35,8 +35,8 @@ struct Settings {
   std::vector<double> refused;  // parameters
   hdapi::HDenum calibration = hdapi::HD_CALIBRATION_OK;
   hdapi::HDenum calibration_style = hdapi::HD_CALIBRATION_AUTO;
-  double max_force = 7.9, continuous_force = 1.75;  // N, as told
-  double max_stiffness = 1.0, max_damping = 5e-3;   // N/mm, N·s/mm, as told
+  double max_force = 7.9, continuous_force = 1.75;  // N, as reported
+  double max_stiffness = 1.0, max_damping = 5e-3;   // N/mm, N·s/mm, as reported
   PhantomModel phantom;
   HandModel hand_model;
   Disturbances disturbances;

@@ -26,7 +26,7 @@ long standInRun(long ticks);
 int standInState(unsigned device, StandInDevice* state);
 long standInTicks();  // of the servo's clock, since the last configuration
 
-// What a correct program never does, each also told as an error of the interface: the count, and
+// What a correct program never does, each also an error of the interface: the count, and
 // the first one in words ("" if none).
 long standInMisuses();
 const char* standInFirstMisuse();

@@ -41,7 +41,7 @@ struct DisplayStats {
   double first_extraction = 0;                 // s
   // s, of the passes that published something.
   double pass_median = 0, pass_99 = 0, pass_worst = 0;
-  // s, from the end of the step that changed a brick visibly, as tick() told it, to its mesh's
+  // s, from the end of the step that changed a brick visibly, noted by tick(), to its mesh's
   // publication.
   double latency_median = 0, latency_99 = 0, latency_worst = 0;
   FeedCounts feed;

@@ -1,4 +1,4 @@
-#include "toothprep/proof/figures/workshop.h"
+#include "toothprep/proof/figures/figure_context.h"
 
 #include <tbb/parallel_for.h>
 
@@ -13,7 +13,7 @@ namespace toothprep::figures {
 
 namespace fs = std::filesystem;
 
-void Workshop::run(const std::vector<Job>& jobs) {
+void FigureContext::run(const std::vector<Job>& jobs) {
   tbb::parallel_for(
       tbb::blocked_range<std::size_t>(0, jobs.size(), 1),
       [&](const tbb::blocked_range<std::size_t>& range) {
@@ -27,7 +27,7 @@ void Workshop::run(const std::vector<Job>& jobs) {
       tbb::simple_partitioner());
 }
 
-std::string Workshop::place(const Experiment& experiment, const std::string& file) const {
+std::string FigureContext::place(const Experiment& experiment, const std::string& file) const {
   const fs::path folder = fs::path(options_.output) / experiment.name;
   std::error_code error;
   fs::create_directories(folder, error);
@@ -35,8 +35,8 @@ std::string Workshop::place(const Experiment& experiment, const std::string& fil
   return experiment.name + "/" + file;
 }
 
-std::string Workshop::write_trace(const Experiment& experiment, const std::string& name,
-                                  const Run& run, const Outcome& outcome) const {
+std::string FigureContext::write_trace(const Experiment& experiment, const std::string& name,
+                                       const Run& run, const Outcome& outcome) const {
   Trace trace;
   trace.rows = outcome.replay.rows;
   trace.parameters_toml = to_toml(outcome.parameters);
@@ -53,9 +53,9 @@ std::string Workshop::write_trace(const Experiment& experiment, const std::strin
   return file;
 }
 
-std::string Workshop::write_series(const Experiment& experiment, const std::string& name,
-                                   const std::vector<std::string>& columns,
-                                   const std::vector<std::vector<double>>& values) const {
+std::string FigureContext::write_series(const Experiment& experiment, const std::string& name,
+                                        const std::vector<std::string>& columns,
+                                        const std::vector<std::vector<double>>& values) const {
   const std::string file = place(experiment, name + ".csv");
   CsvWriter out(options_.output + "/" + file);
   for (const std::string& column : columns) out.text(column);
@@ -68,8 +68,9 @@ std::string Workshop::write_series(const Experiment& experiment, const std::stri
   return file;
 }
 
-std::string Workshop::write_exact(const Experiment& experiment, const std::string& name,
-                                  const std::vector<HandleSample>& path, const Exact& exact) const {
+std::string FigureContext::write_exact(const Experiment& experiment, const std::string& name,
+                                       const std::vector<HandleSample>& path,
+                                       const Exact& exact) const {
   std::vector<std::vector<double>> values(7);
   for (std::size_t i = 0; i < exact.force.size(); ++i) {
     values[0].push_back(path[i].time);
@@ -84,15 +85,15 @@ std::string Workshop::write_exact(const Experiment& experiment, const std::strin
                       values);
 }
 
-std::string Workshop::write_surface(const Experiment& experiment, const std::string& name,
-                                    const LayeredTooth& tooth) const {
+std::string FigureContext::write_surface(const Experiment& experiment, const std::string& name,
+                                         const LayeredTooth& tooth) const {
   const std::string file = place(experiment, name + ".ply");
   write_mesh(extract_surface(tooth, SurfaceOf::kAll), options_.output + "/" + file);
   return file;
 }
 
-std::string Workshop::write_layers(const Experiment& experiment, const std::string& name,
-                                   const LayeredTooth& tooth) const {
+std::string FigureContext::write_layers(const Experiment& experiment, const std::string& name,
+                                        const LayeredTooth& tooth) const {
   const std::string file = place(experiment, name + ".vdb");
   write_tooth(tooth, options_.output + "/" + file);
   return file;

@@ -13,9 +13,9 @@
 
 namespace toothprep::figures {
 
-class Workshop {
+class FigureContext {
  public:
-  Workshop(const FigureOptions& options, int replays) : options_(options), replays_(replays) {}
+  FigureContext(const FigureOptions& options, int replays) : options_(options), replays_(replays) {}
 
   const FigureOptions& options() const { return options_; }
 
@@ -59,11 +59,11 @@ std::vector<Panel> force_panels(const std::vector<Curve>& files, const std::stri
 
 // The kinds of experiment. Each says how many replays it takes and runs them.
 int replays_of(const Experiment& experiment, const FigureOptions& options);
-FigureReport feed_figure(const Experiment& experiment, Workshop& workshop);
-FigureReport stall_figure(const Experiment& experiment, Workshop& workshop);
-FigureReport closed_loop_figure(const Experiment& experiment, Workshop& workshop);
-FigureReport preparation_figure(const Experiment& experiment, Workshop& workshop);
-FigureReport literal_figure(const Experiment& experiment, Workshop& workshop);
-FigureReport droop_figure(const Experiment& experiment, Workshop& workshop);
+FigureReport feed_figure(const Experiment& experiment, FigureContext& context);
+FigureReport stall_figure(const Experiment& experiment, FigureContext& context);
+FigureReport closed_loop_figure(const Experiment& experiment, FigureContext& context);
+FigureReport preparation_figure(const Experiment& experiment, FigureContext& context);
+FigureReport literal_figure(const Experiment& experiment, FigureContext& context);
+FigureReport droop_figure(const Experiment& experiment, FigureContext& context);
 
 }  // namespace toothprep::figures
