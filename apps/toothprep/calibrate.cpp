@@ -1,4 +1,5 @@
 // toothprep calibrate: u and alpha per tissue from measured forces.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -11,6 +12,7 @@
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/calibrate/coupled.h"
 #include "toothprep/tools/calibrate/fit.h"
@@ -110,50 +112,56 @@ void tell(const FitResult& fit, const Common& common) {
     if (t.touched == 0 && k > 1) continue;
     const char* name = kTissueNames[k].data();
     if (t.identifiable)
-      say(common, format("%-6s  u = %.4g +- %.2g J/mm^3 (95 %%: %.4g to %.4g) at N = %g rev/s;  "
-                         "alpha = %.4g +- %.2g (95 %%: %.4g to %.4g)",
-                         name, units::to_joule_per_mm3(t.u.value), units::to_joule_per_mm3(t.u.std),
-                         units::to_joule_per_mm3(t.u.low), units::to_joule_per_mm3(t.u.high),
-                         fit.rotation_rate, t.alpha.value, t.alpha.std, t.alpha.low, t.alpha.high));
+      say(common,
+          fmt::format("{:<6}  u = {:.4g} +- {:.2g} J/mm^3 (95 %: {:.4g} to {:.4g}) at N = {:g} "
+                      "rev/s;  alpha = {:.4g} +- {:.2g} (95 %: {:.4g} to {:.4g})",
+                      name, units::to_joule_per_mm3(t.u.value), units::to_joule_per_mm3(t.u.std),
+                      units::to_joule_per_mm3(t.u.low), units::to_joule_per_mm3(t.u.high),
+                      fit.rotation_rate, t.alpha.value, t.alpha.std, t.alpha.low, t.alpha.high));
     else if (t.ratio_identifiable)
       say(common,
-          format("%-6s  not identifiable: %s.  u/alpha = %.4g +- %.2g J/mm^3 at N = %g rev/s", name,
-                 t.why_not.c_str(), units::to_joule_per_mm3(t.u_over_alpha.value),
-                 units::to_joule_per_mm3(t.u_over_alpha.std), fit.rotation_rate));
+          fmt::format(
+              "{:<6}  not identifiable: {}.  u/alpha = {:.4g} +- {:.2g} J/mm^3 at N = {:g} rev/s",
+              name, t.why_not, units::to_joule_per_mm3(t.u_over_alpha.value),
+              units::to_joule_per_mm3(t.u_over_alpha.std), fit.rotation_rate));
     else
-      say(common, format("%-6s  not identifiable: %s", name, t.why_not.c_str()));
+      say(common, fmt::format("{:<6}  not identifiable: {}", name, t.why_not));
   }
-  say(common, format("residuals %.3g N rms (R2 %.4f, %.2f %% outliers); predicted %.3g N rms (%s)",
-                     fit.residual_rms, fit.residual_r2, 100 * fit.outlier_share, fit.validation_rms,
-                     fit.validation.c_str()));
+  say(common,
+      fmt::format(
+          "residuals {:.3g} N rms (R2 {:.4f}, {:.2f} % outliers); predicted {:.3g} N rms ({})",
+          fit.residual_rms, fit.residual_r2, 100 * fit.outlier_share, fit.validation_rms,
+          fit.validation));
   if (fit.lowpass.std > 0 && fit.lowpass.value > 2 * fit.lowpass.std)
-    say(common, format("low-pass of the sensor: time constant %.2f +- %.2g ms (corner %.3g Hz)",
-                       1e3 * fit.lowpass.value, 1e3 * fit.lowpass.std,
-                       1 / (2 * units::kPi * fit.lowpass.value)));
+    say(common,
+        fmt::format("low-pass of the sensor: time constant {:.2f} +- {:.2g} ms (corner {:.3g} Hz)",
+                    1e3 * fit.lowpass.value, 1e3 * fit.lowpass.std,
+                    1 / (2 * units::kPi * fit.lowpass.value)));
   else if (fit.lowpass.std > 0)
-    say(common, format("low-pass of the sensor: none seen (time constant %.2f +- %.2g ms)",
-                       1e3 * fit.lowpass.value, 1e3 * fit.lowpass.std));
+    say(common, fmt::format("low-pass of the sensor: none seen (time constant {:.2f} +- {:.2g} ms)",
+                            1e3 * fit.lowpass.value, 1e3 * fit.lowpass.std));
   for (const RecordingFit& r : fit.recordings)
     if (std::isfinite(r.torque_factor))
-      say(common, format("%s: recorded torque %.3f of the modelled, %.3g mN m rms apart",
-                         r.name.c_str(), r.torque_factor, r.torque_rms));
+      say(common, fmt::format("{}: recorded torque {:.3f} of the modelled, {:.3g} mN m rms apart",
+                              r.name, r.torque_factor, r.torque_rms));
   if (fit.droop && fit.droop->identifiable)
-    say(common, format("droop: N0 = %.5g +- %.2g rev/s, stall torque %.4g +- %.2g mN m",
-                       fit.droop->rate.value, fit.droop->rate.std, fit.droop->stall_torque.value,
-                       fit.droop->stall_torque.std));
+    say(common,
+        fmt::format("droop: N0 = {:.5g} +- {:.2g} rev/s, stall torque {:.4g} +- {:.2g} mN m",
+                    fit.droop->rate.value, fit.droop->rate.std, fit.droop->stall_torque.value,
+                    fit.droop->stall_torque.std));
   else if (fit.droop)
     say(common, "droop: not identifiable: " + fit.droop->why_not);
   if (fit.replays > 0)
-    say(common, format("coupled: converged after %d rounds of replays", fit.replays));
+    say(common, fmt::format("coupled: converged after {} rounds of replays", fit.replays));
   if (fit.constant_suffices) {
     say(common, "constant u and alpha suffice: no part of the recordings is off by more than 5 %");
   } else {
     const AdequacyBin* worst = &fit.adequacy.front();
     for (const AdequacyBin& b : fit.adequacy)
       if (std::abs(b.factor - 1) > std::abs(worst->factor - 1)) worst = &b;
-    say(common, format("constant u and alpha do not suffice: forces are %.2f of the model's for %s "
-                       "%.3g to %.3g",
-                       worst->factor, worst->of.c_str(), worst->low, worst->high));
+    say(common, fmt::format("constant u and alpha do not suffice: forces are {:.2f} of the model's "
+                            "for {} {:.3g} to {:.3g}",
+                            worst->factor, worst->of, worst->low, worst->high));
   }
   for (const std::string& w : fit.warnings) warn(w);
 }
@@ -180,9 +188,9 @@ std::vector<MeasuredRecording> read_all(const Options& o, const std::string& too
     const auto stalled = std::count(r.stalled.begin(), r.stalled.end(), 1);
     if (stalled > 0)
       warn(
-          format("%s: the bur stood still in %ld samples; they and what lies within %g ms of them "
-                 "are left out, since a stalled bur's force is not the cutting law's",
-                 path.c_str(), static_cast<long>(stalled), o.largest_delay_ms));
+          fmt::format("{}: the bur stood still in {} samples; they and what lies within {:g} ms of "
+                      "them are left out, since a stalled bur's force is not the cutting law's",
+                      path, stalled, o.largest_delay_ms));
   }
   return recordings;
 }
@@ -193,10 +201,7 @@ double typical_speed(const std::vector<MeasuredRecording>& recordings) {
   for (const MeasuredRecording& r : recordings)
     for (std::size_t i = 0; i < r.rotation_rate.size(); ++i)
       if (r.rotation_rate[i] > 0 && !r.stalled[i]) speeds.push_back(r.rotation_rate[i]);
-  if (speeds.empty()) return std::nan("");
-  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
-  std::nth_element(speeds.begin(), middle, speeds.end());
-  return *middle;
+  return speeds.empty() ? std::nan("") : median(std::move(speeds));
 }
 
 std::vector<RecordedMotion> motions_of(const std::vector<MeasuredRecording>& recordings,
@@ -208,10 +213,10 @@ std::vector<RecordedMotion> motions_of(const std::vector<MeasuredRecording>& rec
     path = smoothed(path, o.smooth_motion_ms * 1e-3);
     const VelocityNoise v = velocity_noise(path);
     if (v.noise > kNoisyFeed * v.feed)
-      warn(format(
-          "%s: the velocity's noise, %.2g mm/s, is large against the feed of %.2g mm/s: the "
-          "force goes with the velocity, so smooth the motion (--smooth-motion-ms %g)",
-          r.name.c_str(), v.noise, v.feed, o.smooth_motion_ms > 0 ? 2 * o.smooth_motion_ms : 30.0));
+      warn(fmt::format(
+          "{}: the velocity's noise, {:.2g} mm/s, is large against the feed of {:.2g} mm/s: the "
+          "force goes with the velocity, so smooth the motion (--smooth-motion-ms {:g})",
+          r.name, v.noise, v.feed, o.smooth_motion_ms > 0 ? 2 * o.smooth_motion_ms : 30.0));
   }
   return motions;
 }
@@ -222,7 +227,8 @@ void compare_with_recorded(const MeasuredRecording& r, const Parameters& p) {
   const Parameters recorded = parse_parameters(r.parameters_toml, r.name);
   const auto differ = [&](const char* what, double own, double used) {
     if (own != used)
-      warn(format("%s: was recorded with %s %g, the fit uses %g", r.name.c_str(), what, own, used));
+      warn(
+          fmt::format("{}: was recorded with {} {:g}, the fit uses {:g}", r.name, what, own, used));
   };
   differ("a coupling of (N/mm)", recorded.coupling.stiffness, p.coupling.stiffness);
   differ("a damping of (N s/mm)", recorded.coupling.damping, p.coupling.damping);
@@ -255,8 +261,8 @@ void fit_imposed(const std::vector<MeasuredRecording>& recordings,
     check_torque(recordings[r], f.bases[r], f.result, own);
     if (std::abs(own.torque_factor - 1) > kTorqueOff)
       f.result.warnings.push_back(
-          format("%s: the recorded torque is %.2f of what the fitted u implies",
-                 recordings[r].name.c_str(), own.torque_factor));
+          fmt::format("{}: the recorded torque is {:.2f} of what the fitted u implies",
+                      recordings[r].name, own.torque_factor));
   }
   if (o.fit_droop) f.result.droop = fit_droop(motions, f.bases, f.result, o.seed);
 
@@ -269,10 +275,10 @@ void fit_imposed(const std::vector<MeasuredRecording>& recordings,
   const bool told = std::any_of(recordings.begin(), recordings.end(),
                                 [](const MeasuredRecording& r) { return !r.stalled.empty(); });
   if (!told && torque > parameters.handpiece.stall_torque)
-    f.result.warnings.push_back(format(
-        "with the fitted values the torque reaches %.2f mN m, above the stall torque of %.2f mN m: "
-        "if the handpiece stalled, leave those spans out",
-        torque, parameters.handpiece.stall_torque));
+    f.result.warnings.push_back(
+        fmt::format("with the fitted values the torque reaches {:.2f} mN m, above the stall torque "
+                    "of {:.2f} mN m: if the handpiece stalled, leave those spans out",
+                    torque, parameters.handpiece.stall_torque));
 }
 
 void fit_handle(const std::vector<MeasuredRecording>& recordings,
@@ -283,8 +289,8 @@ void fit_handle(const std::vector<MeasuredRecording>& recordings,
   int iteration = 0;
   f.coupled = fit_coupled(
       bur, tooth, parameters, recordings, motions, options, {}, [&](const CoupledIteration& i) {
-        say(common, format("replays %d: u and alpha ask for a change of %.2g %%", ++iteration,
-                           100 * i.change));
+        say(common, fmt::format("replays {}: u and alpha ask for a change of {:.2g} %", ++iteration,
+                                100 * i.change));
       });
   f.result = std::move(f.coupled.fit);
   f.result.replays = iteration;
@@ -292,7 +298,7 @@ void fit_handle(const std::vector<MeasuredRecording>& recordings,
   for (ComparedRecording& r : f.recordings)
     if (options.estimate_lowpass) set_lowpass(r, f.result.lowpass.value, false);
   if (f.coupled.stalled > 0)
-    say(common, format("the replayed bur stalls for %.2f s in all", f.coupled.stalled));
+    say(common, fmt::format("the replayed bur stalls for {:.2f} s in all", f.coupled.stalled));
 }
 
 void run(const Options& o, const Common& common) {
@@ -338,13 +344,13 @@ void run(const Options& o, const Common& common) {
     parameters.handpiece.rotation_rate = speed;
     for (const MeasuredRecording& r : recordings)
       if (r.rotation_rate.empty())
-        warn(format("%s: has no speed; %g rev/s, the median of the others, is taken",
-                    r.name.c_str(), speed));
+        warn(fmt::format("{}: has no speed; {:g} rev/s, the median of the others, is taken", r.name,
+                         speed));
   } else if (!coupled && parameters.handpiece.model == HandpieceModel::kDroop) {
     warn(
-        format("the handpiece droops but no speed was recorded: u is fitted as though it turned at "
-               "%g rev/s throughout",
-               parameters.handpiece.rotation_rate));
+        fmt::format("the handpiece droops but no speed was recorded: u is fitted as though it "
+                    "turned at {:g} rev/s throughout",
+                    parameters.handpiece.rotation_rate));
   }
   const auto motions = motions_of(recordings, o, parameters.time_step, speed_recorded);
 

@@ -1,6 +1,7 @@
 // toothprep figures: the paper's experiments, run and checked.
 #include "toothprep/proof/figures/figures.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -115,11 +116,9 @@ void run(const Options& o, const Common& common) {
       ++claims;
       if (c.holds) continue;
       ++failing;
-      char line[160];
-      std::snprintf(line, sizeof line, ": expected %.4g, measured %.4g %s", c.expected, c.measured,
-                    c.unit.c_str());
       warn(f.name + (c.engine.empty() ? "" : " (" + c.engine + ")") + ": " + c.claim + ": " +
-           c.quantity + line);
+           fmt::format("{}: expected {:.4g}, measured {:.4g} {}", c.quantity, c.expected,
+                       c.measured, c.unit));
     }
   say(common, std::to_string(claims - failing) + " of " + std::to_string(claims) +
                   " claims hold; see " + o.output + "/figures.md");

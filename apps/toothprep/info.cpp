@@ -1,6 +1,7 @@
 // toothprep info: what a tooth, trace, trajectory, scan or mesh holds.
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -172,9 +173,7 @@ void describe_mesh(const std::string& path, const std::string& extension, Json& 
 
 std::string scalar(const Json& value) {
   if (!value.is_number_float()) return value.is_string() ? value.get<std::string>() : value.dump();
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value.get<double>());
-  return text;
+  return fmt::format("{:.6g}", value.get<double>());
 }
 
 // The same keys as the JSON, a line each; a text of several lines below its key.

@@ -1,4 +1,5 @@
 // toothprep live: a session on a haptic device, recorded.
+#include <fmt/format.h>
 #include <signal.h>
 #include <sys/utsname.h>
 #include <unistd.h>
@@ -265,11 +266,11 @@ nlohmann::ordered_json report_json(const TickStatistics& t, const LiveEnd& end, 
 
 void tell_ticks(const Common& common, const TickStatistics& t) {
   say(common,
-      format("%lld ticks, %lld missed; period %.0f us median, %.0f us 99.9 %%, %.0f us worst",
-             static_cast<long long>(t.ticks), static_cast<long long>(t.missed),
-             t.period.quantile(0.5), t.period.quantile(0.999), t.period.worst()));
-  say(common, format("tick's own CPU time %.0f us median, %.0f us 99.9 %%, %.0f us worst",
-                     t.step.quantile(0.5), t.step.quantile(0.999), t.step.worst()));
+      fmt::format("{} ticks, {} missed; period {:.0f} us median, {:.0f} us 99.9 %, {:.0f} us worst",
+                  t.ticks, t.missed, t.period.quantile(0.5), t.period.quantile(0.999),
+                  t.period.worst()));
+  say(common, fmt::format("tick's own CPU time {:.0f} us median, {:.0f} us 99.9 %, {:.0f} us worst",
+                          t.step.quantile(0.5), t.step.quantile(0.999), t.step.worst()));
 }
 
 // ---- The two kinds of run
@@ -283,9 +284,9 @@ Vec3 start_above(const LayeredTooth& tooth, const Registration& registration) {
 void check_rate(const HapticDevice& device, double time_step) {
   if (std::abs(device.limits().rate * time_step - 1) > 1e-6)
     throw Error(
-        format("the device's servo runs at %g Hz, the model's step is %g s; give --rate-hz "
-               "or --time-step-s",
-               device.limits().rate, time_step));
+        fmt::format("the device's servo runs at {:g} Hz, the model's step is {:g} s; give "
+                    "--rate-hz or --time-step-s",
+                    device.limits().rate, time_step));
 }
 
 void finish(const Options& o, const Common& common, const LiveEnd& end, SessionRecorder& recorder,
@@ -299,7 +300,7 @@ void finish(const Options& o, const Common& common, const LiveEnd& end, SessionR
   }
   tell_ticks(common, sinks.statistics);
   if (recorder.dropped() > 0)
-    warn(format("%lld ticks could not be recorded", static_cast<long long>(recorder.dropped())));
+    warn(fmt::format("{} ticks could not be recorded", recorder.dropped()));
   say(common, o.output + ": " + std::to_string(recorder.rows()) + " rows; ended by: " + end.reason);
   if (o.json) std::cout << report_json(sinks.statistics, end, o, device).dump(2) << '\n';
   if (end.fault) throw Error(end.reason + " (recorded in " + o.output + ")");
@@ -332,9 +333,9 @@ void run_session(const Options& o, const Common& common, Signals& signals) {
   if (parameters.coupling.stiffness > device->limits().max_stiffness &&
       o.session.drive == "coupled")
     warn(
-        format("the coupling's %.2f N/mm is above the %.2f N/mm that the device is said to render "
-               "stably; --stiffness-n-per-mm sets it",
-               parameters.coupling.stiffness, device->limits().max_stiffness));
+        fmt::format("the coupling's {:.2f} N/mm is above the {:.2f} N/mm that the device is said "
+                    "to render stably; --stiffness-n-per-mm sets it",
+                    parameters.coupling.stiffness, device->limits().max_stiffness));
   const ForceLimits limits = limits_of(o, device->limits());
 
   SessionHeader header;
@@ -379,18 +380,18 @@ void run_session(const Options& o, const Common& common, Signals& signals) {
       audit.removed_energy_mj += parameters.tissue[k].specific_energy * t.removed[k];
     if (audit.removed_energy_mj > 0)
       audit.energy_ratio = audit.torque_work_mj / audit.removed_energy_mj;
-    say(common, format("removed: enamel %.3f, dentin %.3f, pulp %.3f, other %.3f mm^3; peak force "
-                       "%.2f N; stalled in %ld steps",
-                       t.removed[0], t.removed[1], t.removed[2], t.removed[3], t.peak_device_force,
-                       t.stalled_steps));
+    say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} "
+                            "mm^3; peak force {:.2f} N; stalled in {} steps",
+                            t.removed[0], t.removed[1], t.removed[2], t.removed[3],
+                            t.peak_device_force, t.stalled_steps));
   }
   if (display) {
     display->finish();
     const DisplayStats d = display->stats();
     say(common,
-        format("display: %.1f passes/s, %llu blocks redone, latency %.0f ms median, %.0f ms worst",
-               d.rate, static_cast<unsigned long long>(d.blocks), 1e3 * d.latency_median,
-               1e3 * d.latency_worst));
+        fmt::format(
+            "display: {:.1f} passes/s, {} blocks redone, latency {:.0f} ms median, {:.0f} ms worst",
+            d.rate, d.blocks, 1e3 * d.latency_median, 1e3 * d.latency_worst));
   }
   if (prepared) {
     apply_remaining_solid(tooth, workpiece.remaining_solid());

@@ -1,5 +1,6 @@
 // toothprep mesh: the surface of a tooth file as a triangle mesh.
-#include <cstdio>
+#include <fmt/format.h>
+
 #include <map>
 #include <memory>
 
@@ -33,10 +34,8 @@ void run(const Options& o, const Common& common) {
                      o.tissue == "all" ? "" : "choose another --tissue");
   write_mesh(mesh, output.temporary());
   output.commit();
-  char volume[32];
-  std::snprintf(volume, sizeof volume, "%.4g", mesh_volume_mm3(mesh));
-  say(common, o.output + ": " + std::to_string(mesh.triangles.size()) + " triangles around " +
-                  volume + " mm^3" + (o.tissue == "all" ? "" : " of " + o.tissue));
+  say(common, fmt::format("{}: {} triangles around {:.4g} mm^3{}", o.output, mesh.triangles.size(),
+                          mesh_volume_mm3(mesh), o.tissue == "all" ? "" : " of " + o.tissue));
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 // toothprep render: a tooth or mesh as a picture, without a display.
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -10,6 +10,7 @@
 #include "command.h"
 #include "drawn.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
 #include "toothprep/tools/io/output_file.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 #include "toothprep/tools/render/image.h"
@@ -20,8 +21,6 @@
 
 namespace toothprep::app {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 struct Options {
   std::string input, output;
@@ -80,7 +79,7 @@ struct Drawing {
   }
 
   void turntable(const Renderer& renderer, const std::string& folder) const {
-    const auto angle = [&](int n) { return 2 * kPi * n / o.turntable; };
+    const auto angle = [&](int n) { return 2 * units::kPi * n / o.turntable; };
     Fit all = fit;
     if (!all.centre) all.centre = renderer.middle();
     double widest = 0;  // the same scale in all frames
@@ -94,9 +93,7 @@ struct Drawing {
       const Image image = renderer.render(fit_camera(turn, renderer.meshes(), all), options);
       Picture picture = finished(image, true);
       if (o.colour == "deviation" && !o.no_scale) draw_colour_bar(picture, o.range);
-      char name[32];
-      std::snprintf(name, sizeof name, "/frame_%03d.png", n);
-      write_png(picture, folder + name);
+      write_png(picture, fmt::format("{}/frame_{:03}.png", folder, n));
     }
   }
 

@@ -2,6 +2,7 @@
 // prepared tooth.
 #include "toothprep/step/session/replay.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -81,7 +82,8 @@ void run(const Options& o, const Common& common) {
   if (distance > kFarFromTooth) {
     const std::string text =
         o.trajectory +
-        format(": the path never comes within 5 mm of the tooth (nearest %.1f mm)", distance);
+        fmt::format(": the path never comes within 5 mm of the tooth (nearest {:.1f} mm)",
+                    distance);
     if (o.strict) throw Error(text + "; check the frames of both files");
     warn(text);
   }
@@ -120,33 +122,34 @@ void run(const Options& o, const Common& common) {
   const SessionTotals& t = r.totals;
   if (trace.drive == "direct" && t.stalled_steps > 0)
     warn(
-        format("direct drive needed more than the stall torque in %ld steps: nothing was removed "
-               "there, force and torque are scaled to the limit",
-               t.stalled_steps));
+        fmt::format("direct drive needed more than the stall torque in {} steps: nothing was "
+                    "removed there, force and torque are scaled to the limit",
+                    t.stalled_steps));
   if (t.shank_contact_steps > 0)
-    warn(format("the shank touched the tooth in %ld steps; it neither grinds nor removes",
-                t.shank_contact_steps));
+    warn(fmt::format("the shank touched the tooth in {} steps; it neither grinds nor removes",
+                     t.shank_contact_steps));
   if (trace.initial_overlap_mm3 > 0)
-    warn(format("%.3f mm^3 of tissue lay inside the bur at the first sample and were removed first",
-                trace.initial_overlap_mm3));
+    warn(fmt::format(
+        "{:.3f} mm^3 of tissue lay inside the bur at the first sample and were removed first",
+        trace.initial_overlap_mm3));
   say(common,
-      format("%zu steps, %.1f s at %.0f times real time; step %.1f us median, %.1f us 99 %%",
-             r.rows.size() - 1, r.seconds_simulated, r.seconds_simulated / r.seconds_computed,
-             r.step_us_p50, r.step_us_p99));
-  say(common, format("removed: enamel %.3f, dentin %.3f, pulp %.3f, other %.3f mm^3", t.removed[0],
-                     t.removed[1], t.removed[2], t.removed[3]));
+      fmt::format(
+          "{} steps, {:.1f} s at {:.0f} times real time; step {:.1f} us median, {:.1f} us 99 %",
+          r.rows.size() - 1, r.seconds_simulated, r.seconds_simulated / r.seconds_computed,
+          r.step_us_p50, r.step_us_p99));
+  say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
+                          t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
   if (trace.drive == "coupled")
-    say(common,
-        format("peak force %.2f N; largest lag of the bur behind the handle %.2f mm; stalled "
-               "%ld steps in %ld stalls",
-               t.peak_device_force, t.largest_lag, t.stalled_steps, t.stall_onsets));
+    say(common, fmt::format("peak force {:.2f} N; largest lag of the bur behind the handle {:.2f} "
+                            "mm; stalled {} steps in {} stalls",
+                            t.peak_device_force, t.largest_lag, t.stalled_steps, t.stall_onsets));
   else
-    say(common, format("peak force %.2f N", t.peak_device_force));
+    say(common, fmt::format("peak force {:.2f} N", t.peak_device_force));
   say(common,
       r.removed_energy > 0
-          ? format("energy audit: torque work %.3f mJ / removed energy %.3f mJ = %.4f",
-                   t.torque_work, r.removed_energy, r.energy_ratio)
-          : format("energy audit: nothing was removed; torque work %.3f mJ", t.torque_work));
+          ? fmt::format("energy audit: torque work {:.3f} mJ / removed energy {:.3f} mJ = {:.4f}",
+                        t.torque_work, r.removed_energy, r.energy_ratio)
+          : fmt::format("energy audit: nothing was removed; torque work {:.3f} mJ", t.torque_work));
   if (o.json) std::cout << report_json(r, trace, o).dump(2) << '\n';
 }
 

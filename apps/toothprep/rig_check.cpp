@@ -1,4 +1,5 @@
 // toothprep rig-check: a recorded live session judged line by line.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -58,22 +59,15 @@ Measured<std::vector<StepRecord>> replay_of(const SessionRecording& recording, c
   return std::move(result.rows);
 }
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
-
 void print_lines(const RigReport& report, const Common& common) {
   for (const RigLine& line : report.lines) {
     if (!line.limit) continue;
-    const std::string limit = (line.limit->min ? " >= " + number(*line.limit->min) : "") +
-                              (line.limit->max ? " <= " + number(*line.limit->max) : "");
-    char text[256];
-    std::snprintf(text, sizeof text, "%-12s %-32s %10s  %s", name_of(line.verdict),
-                  line.figure->key, line.value ? number(*line.value).c_str() : "-",
-                  line.value ? ("limit" + limit).c_str() : line.why_not.c_str());
-    say(common, text);
+    const std::string limit = "limit" +
+                              (line.limit->min ? fmt::format(" >= {:.4g}", *line.limit->min) : "") +
+                              (line.limit->max ? fmt::format(" <= {:.4g}", *line.limit->max) : "");
+    say(common, fmt::format("{:<12} {:<32} {:>10}  {}", name_of(line.verdict), line.figure->key,
+                            line.value ? fmt::format("{:.4g}", *line.value) : "-",
+                            line.value ? limit : line.why_not));
   }
 }
 
@@ -115,10 +109,8 @@ void run(const Options& o, const Common& common) {
   if (o.json) std::cout << json;
 
   print_lines(report, common);
-  char text[160];
-  std::snprintf(text, sizeof text, "%s: %d limits kept, %d not, %d not measured",
-                name_of(report.overall), report.passed, report.failed, report.not_measured);
-  say(common, text);
+  say(common, fmt::format("{}: {} limits kept, {} not, {} not measured", name_of(report.overall),
+                          report.passed, report.failed, report.not_measured));
   if (o.strict && report.failed > 0)
     throw Error(o.session + ": " + std::to_string(report.failed) + " of " +
                 std::to_string(report.passed + report.failed) + " limits are not kept (--strict)");

@@ -1,4 +1,6 @@
 // toothprep score: what a prepared cavity or crown is worth, and why.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
@@ -49,12 +51,12 @@ void tell(const Assessment& assessment, const Common& common) {
   if (!sheet.result) return;
   for (const CriterionResult& c : sheet.result->criteria)
     if (c.of > 0)
-      say(common, format("  %5.1f of %4.1f  ", c.points, c.of) +
+      say(common, fmt::format("  {:5.1f} of {:4.1f}  ", c.points, c.of) +
                       (c.reason.empty() ? c.criterion.name : c.reason));
   if (sheet.result->points_percent)
     say(common, sheet.result->name +
-                    format(": %.0f %% (to pass: %.0f %%), ", *sheet.result->points_percent,
-                           sheet.result->pass_points) +
+                    fmt::format(": {:.0f} % (to pass: {:.0f} %), ", *sheet.result->points_percent,
+                                sheet.result->pass_points) +
                     (sheet.result->passed ? "passed" : "failed"));
   for (const std::string& reason : sheet.result->fail_reasons) say(common, "  " + reason);
 }

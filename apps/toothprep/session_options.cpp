@@ -1,5 +1,7 @@
 #include "session_options.h"
 
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <iostream>
 
@@ -61,8 +63,7 @@ Trajectory load_trajectory(const std::string& path) {
 
 void print_bur_library() {
   for (const LibraryEntry& entry : list_library(data_folder() + "/burs"))
-    std::cout << format("%-16s %-38s %s\n", entry.name.c_str(), entry.shape.c_str(),
-                        entry.description.c_str());
+    std::cout << fmt::format("{:<16} {:<38} {}\n", entry.name, entry.shape, entry.description);
   std::cerr << "Dimensions in mm; where each comes from stands in " << data_folder()
             << "/burs/library.toml\n";
 }

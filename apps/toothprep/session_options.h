@@ -1,7 +1,6 @@
 // The options of what steps a session, replayed or live: tooth, bur, parameters.
 #pragma once
 
-#include <cstdio>
 #include <optional>
 #include <string>
 
@@ -30,14 +29,5 @@ Trajectory load_trajectory(const std::string& path);
 
 // On stdout.
 void print_bur_library();
-
-// printf into a string.
-std::string format(const char* pattern, auto... values) {
-  const int n = std::snprintf(nullptr, 0, pattern, values...);
-  std::string text(static_cast<std::size_t>(n) + 1, '\0');
-  std::snprintf(text.data(), text.size(), pattern, values...);
-  text.pop_back();
-  return text;
-}
 
 }  // namespace toothprep::app

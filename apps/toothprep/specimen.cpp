@@ -1,9 +1,10 @@
 // toothprep specimen: teeth and scans that are known exactly.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <sstream>
 
 #include "command.h"
 #include "toothprep/proof/specimen/block.h"
@@ -41,11 +42,11 @@ Vec3 three(const std::vector<double>& values, const char* option) {
 
 std::string volumes(const LayeredTooth& tooth) {
   const auto volume = remaining_volumes_mm3(tooth);
-  std::ostringstream text;
+  std::string text;
   for (int k = 0; k < kTissueCount; ++k)
     if (volume[k] > 0)
-      text << (text.tellp() > 0 ? ", " : "") << kTissueNames[k] << ' ' << volume[k] << " mm^3";
-  return text.str();
+      text += fmt::format("{}{} {:g} mm^3", text.empty() ? "" : ", ", kTissueNames[k], volume[k]);
+  return text;
 }
 
 void write(const LayeredTooth& tooth, const ToothOptions& o, OutputFile& output,

@@ -1,4 +1,6 @@
 // toothprep specimen cavity: test preparations that are known exactly.
+#include <fmt/format.h>
+
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -6,7 +8,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
-#include <sstream>
 
 #include "command.h"
 #include "toothprep/proof/specimen/cavity.h"
@@ -112,11 +113,9 @@ void run(const Options& o, const Common& common) {
   if (original) original->commit();
   if (target) target->commit();
   if (truth) truth->commit();
-  std::ostringstream line;
-  line << o.prepared << ": " << o.kind;
-  if (const auto volume = truth_value(figures, "removed_mm3.total"))
-    line << ", " << *volume << " mm^3 removed";
-  say(common, line.str());
+  const auto volume = truth_value(figures, "removed_mm3.total");
+  say(common,
+      o.prepared + ": " + o.kind + (volume ? fmt::format(", {:g} mm^3 removed", *volume) : ""));
 }
 
 }  // namespace

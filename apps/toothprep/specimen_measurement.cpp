@@ -1,4 +1,6 @@
 // toothprep specimen measurement: recordings whose u and alpha are known.
+#include <fmt/format.h>
+
 #include <filesystem>
 #include <limits>
 #include <memory>
@@ -144,9 +146,10 @@ void run(const Options& o, const Common& common) {
     write_trace(trace, output.temporary());
   output.commit();
   if (r.totals.stalled_steps > 0)
-    warn(format("%s: the bur stalled in %ld steps", o.output.c_str(), r.totals.stalled_steps));
-  say(common, format("%s: %.1f s, %.3g N rms in contact, noise %.3g N per axis", o.output.c_str(),
-                     r.seconds_simulated, contact_rms(force), s.noise * contact_rms(force)));
+    warn(fmt::format("{}: the bur stalled in {} steps", o.output, r.totals.stalled_steps));
+  say(common,
+      fmt::format("{}: {:.1f} s, {:.3g} N rms in contact, noise {:.3g} N per axis", o.output,
+                  r.seconds_simulated, contact_rms(force), s.noise * contact_rms(force)));
 }
 
 }  // namespace

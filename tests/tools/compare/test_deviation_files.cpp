@@ -109,7 +109,8 @@ TEST(DeviationColour, IsBlueBelowWhiteAtZeroAndRedAbove) {
   const Rgb over = deviation_colour(-9), agree = deviation_colour(0), under = deviation_colour(9);
   EXPECT_GT(over[2], over[0]);
   EXPECT_GT(under[0], under[2]);
-  EXPECT_EQ(agree[0], agree[2]);
+  EXPECT_EQ(over, (Rgb{33, 102, 172}));  // the colours of pictures of the same deviation
+  EXPECT_EQ(agree, (Rgb{247, 247, 247}));
   EXPECT_EQ(deviation_colour(NAN)[0], deviation_colour(NAN)[2]);
   EXPECT_NE(deviation_colour(NAN), agree);
 }

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <set>
@@ -68,6 +69,10 @@ TEST(Definitions, ValuesAreWrittenWithTheirUnit) {
   EXPECT_EQ(value_text(3, "count"), "3");
   EXPECT_EQ(value_text(1, "yes/no"), "yes");
   EXPECT_EQ(value_text(0.05, "mm", 3), "0.050 mm");
+}
+
+TEST(Definitions, AValueOfManyDigitsIsNotCut) {
+  EXPECT_EQ(value_text(std::ldexp(1, 300), "mm").size(), 91 + 3 + 3U);  // 2^300 has 91 digits
 }
 
 // With TOOTHPREP_WRITE_DEFINITIONS set the page is written instead of compared.

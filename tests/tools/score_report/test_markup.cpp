@@ -32,6 +32,12 @@ TEST(Markup, NumbersAreShort) {
   EXPECT_EQ(short_number(NAN), "0");
 }
 
+// The smallest double's first digit but zero is the 324th behind the point; 750 more are exact.
+TEST(Markup, ANumberOfManyDigitsIsNotCut) {
+  EXPECT_EQ(short_number(5e-324, 324), "0." + std::string(323, '0') + "5");
+  EXPECT_GT(short_number(5e-324, 420).size(), 410U);
+}
+
 // RFC 4648, section 10.
 TEST(Markup, Base64) {
   EXPECT_EQ(base64(""), "");

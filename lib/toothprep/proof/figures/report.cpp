@@ -1,26 +1,22 @@
 #include "toothprep/proof/figures/report.h"
 
-#include <array>
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/tissue.h"
+#include "toothprep/tools/io/json_number.h"
 
 namespace toothprep::figures {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json number(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
-
-std::string text(double x, const char* format = "%.4g") {
-  if (!std::isfinite(x)) return "–";
-  std::array<char, 40> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), format, x);
-  return buffer.data();
+std::string text(double x, fmt::format_string<double> format = "{:.4g}") {
+  return std::isfinite(x) ? fmt::vformat(format, fmt::make_format_args(x)) : "–";
 }
 
 Json json_of(const Claim& c) {
@@ -30,11 +26,11 @@ Json json_of(const Claim& c) {
   j["quantity"] = c.quantity;
   j["unit"] = c.unit;
   j["expected_from"] = c.from;
-  j["expected"] = number(c.expected);
-  j["measured"] = number(c.measured);
-  j["error"] = number(c.error);
+  j["expected"] = number_or_null(c.expected);
+  j["measured"] = number_or_null(c.measured);
+  j["error"] = number_or_null(c.error);
   j["error_unit"] = c.error_unit;
-  j["tolerance"] = number(c.tolerance);
+  j["tolerance"] = number_or_null(c.tolerance);
   j["holds"] = c.holds;
   return j;
 }
@@ -57,7 +53,7 @@ Json json_of(const RunReport& r) {
     j["voxel_effect_percent"] = r.voxel_effect_percent;
     j["voxel_effect_above_2_hz_percent"] = r.voxel_effect_above_2_hz_percent;
   }
-  j["energy_ratio"] = number(r.energy_ratio);
+  j["energy_ratio"] = number_or_null(r.energy_ratio);
   j["peak_force_n"] = r.peak_force_n;
   j["largest_lag_mm"] = r.largest_lag_mm;
   j["stalled_steps"] = r.stalled_steps;
@@ -137,8 +133,8 @@ std::string markdown(const ReportHeader& header, const std::vector<FigureReport>
     for (const Claim& c : f.claims)
       md += "| " + c.claim + " | " + c.engine + " | " + c.quantity + " | " + text(c.expected) +
             " " + c.unit + " | " + c.from + " | " + text(c.measured) + " " + c.unit + " | " +
-            text(c.error, "%.3g") + " " + c.error_unit + " | " + text(c.tolerance, "%.3g") + " " +
-            c.error_unit + " | " + (c.holds ? "holds" : "**does not hold**") + " |\n";
+            text(c.error, "{:.3g}") + " " + c.error_unit + " | " + text(c.tolerance, "{:.3g}") +
+            " " + c.error_unit + " | " + (c.holds ? "holds" : "**does not hold**") + " |\n";
     if (f.runs.empty()) continue;
     md +=
         "\n| run | engine | drive | voxel mm | force RMS % | force max % | torque RMS % | torque "
@@ -146,8 +142,8 @@ std::string markdown(const ReportHeader& header, const std::vector<FigureReport>
         "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n";
     for (const RunReport& r : f.runs) {
       const double none = std::nan("");
-      const auto compared = [&](double x) { return text(r.compared ? x : none, "%.3f"); };
-      const auto plateau = [&](double x) { return text(r.has_plateau ? x : none, "%.3f"); };
+      const auto compared = [&](double x) { return text(r.compared ? x : none, "{:.3f}"); };
+      const auto plateau = [&](double x) { return text(r.has_plateau ? x : none, "{:.3f}"); };
       md += "| " + r.run + " | " + r.engine + " | " + r.drive + " | " + text(r.voxel_mm) + " | " +
             compared(r.force_rms_percent) + " | " + compared(r.force_max_percent) + " | " +
             compared(r.torque_rms_percent) + " | " + compared(r.torque_max_percent) + " | " +

@@ -1,5 +1,7 @@
 #include "toothprep/proof/reference/coupled_feed.h"
 
+#include <boost/math/distributions/students_t.hpp>
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/LU>
@@ -239,8 +241,9 @@ std::vector<State> integrate(const Scene& scene, const CoupledFeed& feed, const 
           const double now = solver.time(from.tau);
           const HandleMotion handle = feed.handle(now);
           require(grinding_area(scene, {handle.position, feed.orientation}, handle.velocity) == 0,
-                  "no solution from " + std::to_string(now) +
-                      " s on: the bur runs away from what held it, into more tissue");
+                  fmt::format("no solution from {:g} s on: the bur runs away from what held it, "
+                              "into more tissue",
+                              now));
           result.break_through = now;
           return states;
         }

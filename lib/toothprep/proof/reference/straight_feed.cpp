@@ -1,5 +1,7 @@
 #include "toothprep/proof/reference/straight_feed.h"
 
+#include <boost/math/distributions/students_t.hpp>
+#include <fmt/format.h>
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
@@ -365,9 +367,9 @@ Scene make_scene(const Bur& bur, const Block& block, const Parameters& parameter
   validate(parameters);
   require(block.size.allFinite() && block.size.minCoeff() > 0,
           "the block's size must be positive and finite");
-  require(block.enamel >= 0 && block.enamel <= block.size.y(),
-          "enamel must lie between 0 and the block's height of " + std::to_string(block.size.y()) +
-              " mm");
+  require(
+      block.enamel >= 0 && block.enamel <= block.size.y(),
+      fmt::format("enamel must lie between 0 and the block's height of {:g} mm", block.size.y()));
   Scene scene;
   scene.profile = bur.profile();
   scene.block = block;

@@ -1,5 +1,7 @@
 #include "toothprep/proof/specimen/block.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -38,7 +40,7 @@ LayeredTooth make_block(const BlockOptions& o) {
     throw Error("block: size must lie in (0, 200] mm");
   if (!(o.enamel >= 0 && o.enamel <= o.size.y()))
     throw Error("block: enamel must lie between 0 and the block's height of " +
-                std::to_string(o.size.y()) + " mm");
+                fmt::format("{:g} mm", o.size.y()));
   if (!(o.voxel > 0 && o.voxel <= o.size.minCoeff() / 2))
     throw Error("block: the voxel size must be positive and at most half the smallest side");
   const Vec3 low(-o.size.x() / 2, -o.size.y(), -o.size.z() / 2);

@@ -1,11 +1,10 @@
 #include "toothprep/proof/specimen/cavity.h"
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
 #include <mutex>
 
 #include "toothprep/proof/specimen/block.h"
@@ -16,11 +15,7 @@
 namespace toothprep {
 namespace {
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
+std::string number(double value) { return fmt::format("{:.4g}", value); }
 
 [[noreturn]] void refuse(const std::string& condition) { throw Error("cavity: " + condition); }
 
@@ -210,9 +205,7 @@ double box_distance(const Vec3& x, const Vec3& low, const Vec3& high) {
 }
 
 std::string text_of(const Vec3& v) {
-  char text[96];
-  std::snprintf(text, sizeof text, "%.12g %.12g %.12g", v.x() + 0.0, v.y() + 0.0, v.z() + 0.0);
-  return text;
+  return fmt::format("{:.12g} {:.12g} {:.12g}", v.x() + 0.0, v.y() + 0.0, v.z() + 0.0);
 }
 
 // What stands in W before the cavity, as distances at a point of the frame (u, v, w).

@@ -1,5 +1,7 @@
 #include "toothprep/proof/specimen/molar.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -364,7 +366,8 @@ Box molar_bounds() { return {Vec3(0.7, 0.0, 0.3), Vec3(11.6, 10.9, 19.4)}; }
 
 LayeredTooth make_molar(const MolarOptions& o) {
   if (!(o.voxel >= 0.02 && o.voxel <= 0.5))
-    throw Error("molar: the voxel size must lie in [0.02, 0.5] mm, got " + std::to_string(o.voxel));
+    throw Error("molar: the voxel size must lie in [0.02, 0.5] mm, got " +
+                fmt::format("{:g}", o.voxel));
   const Lattice lattice{Vec3::Constant(o.voxel / 2), o.voxel};
   const Box box = molar_bounds();
   const Index3 lower = lattice.to_index(box.min).array().floor().matrix().cast<int>();

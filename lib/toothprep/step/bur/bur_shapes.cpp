@@ -1,5 +1,7 @@
 #include "toothprep/step/bur/bur_shapes.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -61,11 +63,7 @@ const Letter& letter_of(char letter) {
                        [&](const Letter& l) { return l.letter == letter; });
 }
 
-std::string text(double value) {
-  std::ostringstream out;
-  out << value;
-  return out.str();
-}
+std::string text(double value) { return fmt::format("{:g}", value); }
 
 // ---- Outlines. All close with a disc at the shank's end, which doesn't grind.
 

@@ -1,11 +1,11 @@
 #include "toothprep/step/bur/profile.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <optional>
-#include <sstream>
 #include <string>
 
 #include "toothprep/step/core/errors.h"
@@ -33,16 +33,8 @@ bool sweeps_over(const ArcSpan& span, double angle) {
   throw Error("bur profile: piece " + std::to_string(i + 1) + ": " + condition);
 }
 
-std::string text(double a) {
-  std::ostringstream out;
-  out << a;
-  return out.str();
-}
-std::string text(double r, double z) {
-  std::ostringstream out;
-  out << "(" << r << ", " << z << ")";
-  return out.str();
-}
+std::string text(double a) { return fmt::format("{:g}", a); }
+std::string text(double r, double z) { return fmt::format("({:g}, {:g})", r, z); }
 
 struct Point {
   double r, z;

@@ -1,11 +1,10 @@
 #include "toothprep/step/core/parameters.h"
 
-#include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <optional>
 
+#include "toothprep/step/core/number_text.h"
 #include "toothprep/step/core/strict_toml.h"
 #include "toothprep/step/core/units.h"
 
@@ -42,9 +41,7 @@ std::vector<std::string> all_keys() {
 std::string toml_number(double value) {
   if (std::isinf(value)) return value > 0 ? "inf" : "-inf";
   if (std::isnan(value)) return "nan";
-  std::array<char, 40> buffer{};
-  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
-  std::string text(buffer.data(), end);
+  std::string text = shortest_text(value);
   if (text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }

@@ -8,9 +8,11 @@
 // conversions below are the only place where a factor stands; formulas contain none.
 #pragma once
 
+#include <numbers>
+
 namespace toothprep::units {
 
-constexpr double kPi = 3.14159265358979323846;
+constexpr double kPi = std::numbers::pi;
 
 constexpr double from_gram(double g) { return g * 1e-6; }          // N·s²/mm
 constexpr double to_gram(double mass) { return mass * 1e6; }       //

@@ -3,11 +3,11 @@
 #include <fnmatch.h>
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <map>
 #include <set>
 
+#include "toothprep/step/core/number_text.h"
 #include "toothprep/step/core/strict_toml.h"
 
 namespace toothprep {
@@ -38,16 +38,11 @@ struct Argument {
 };
 using Arguments = std::map<std::string, Argument>;  // by option, with dashes
 
-std::string number_text(double value) {
-  char digits[32];
-  return {digits, std::to_chars(digits, digits + sizeof digits, value).ptr};
-}
-
 // A text or number; nothing for what is neither.
 std::optional<std::string> value_text(const toml::node& node) {
   if (const auto* text = node.as_string()) return text->get();
   if (const auto* integer = node.as_integer()) return std::to_string(integer->get());
-  if (const auto* real = node.as_floating_point()) return number_text(real->get());
+  if (const auto* real = node.as_floating_point()) return shortest_text(real->get());
   return {};
 }
 

@@ -1,6 +1,7 @@
 #include "toothprep/tools/batch/run_batch.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -281,9 +282,7 @@ class Batch {
     const std::string said = last_line(r.part / "log.txt");
     std::string reason;
     if (r.late) {
-      char limit[32];
-      std::snprintf(limit, sizeof limit, "%g", o_.time_limit);
-      reason = std::string("took longer than ") + limit + " s";
+      reason = fmt::format("took longer than {:g} s", o_.time_limit);
     } else if (!ended.exited) {
       reason = std::string("ended by signal ") + std::to_string(ended.code) + " (" +
                strsignal(ended.code) + ")" + (said.empty() ? "" : ": " + said);

@@ -1,15 +1,16 @@
 #include "toothprep/tools/calibrate/fit.h"
 
 #include <ceres/ceres.h>
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/calibrate/uncertainty.h"
 
@@ -31,22 +32,10 @@ constexpr std::size_t kQuietSamples = 100;  // that a noise is estimated from
 constexpr double kLeastTurn = 1;            // degrees rms: less of a turn doesn't tell a weight
 constexpr double kAlike = 0.8;              // correlation, from which delay and low-pass are alike
 
-std::string text(const char* pattern, auto... values) {
-  char line[400];
-  std::snprintf(line, sizeof line, pattern, values...);
-  return line;
-}
-
-double median(std::vector<double> v) {
-  if (v.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
-}
 // Standard deviation of normal values by their median size.
 double robust_scale(std::vector<double> v) {
   for (double& x : v) x = std::abs(x);
-  return 1.4826 * median(std::move(v));
+  return kSigmaOfMedian * median(std::move(v));
 }
 
 std::size_t basis_index(const ComparedRecording& r, std::size_t j, double delay) {
@@ -493,13 +482,13 @@ void Fitter::check_weight() {
   const Vec3 axis = eigen.eigenvectors().col(0);
   result_.weight_why_not =
       eigen.eigenvalues()[2] > least * least
-          ? text(
-                "the handpiece turned about (%.2f, %.2f, %.2f) only, and its weight along that "
-                "axis can't be told from the sensor's bias: turn it about another axis too",
+          ? fmt::format(
+                "the handpiece turned about ({:.2f}, {:.2f}, {:.2f}) only, and its weight along "
+                "that axis can't be told from the sensor's bias: turn it about another axis too",
                 axis.x(), axis.y(), axis.z())
-          : text(
-                "the bur never turned (%.1f degrees rms), so the handpiece's weight can't be told "
-                "from the sensor's bias: turn it by some 20 degrees, or give the bias or the "
+          : fmt::format(
+                "the bur never turned ({:.1f} degrees rms), so the handpiece's weight can't be "
+                "told from the sensor's bias: turn it by some 20 degrees, or give the bias or the "
                 "weight",
                 units::to_degree(std::sqrt(std::max(0.0, eigen.eigenvalues()[2]))));
   result_.warnings.push_back("handpiece weight not identifiable: " + result_.weight_why_not);
@@ -615,7 +604,7 @@ void Fitter::choose_modes() {
     if (t.touched == 0)
       t.why_not = "never touched";
     else if (state_.mode[k] == TissueMode::kTied)
-      t.why_not = text("touched for only %.3f s", t.touched);
+      t.why_not = fmt::format("touched for only {:.3f} s", t.touched);
   }
   for (int pass = 0; pass <= 2 * kTissueCount; ++pass) {
     // With everything free that will be, so that what the delay or a rotation could explain isn't
@@ -673,8 +662,8 @@ void Fitter::choose_modes() {
     if (worst % 2 == 0) {
       state_.mode[k] = TissueMode::kTied;
       if (size.tangential < kSmallPart * size.normal)
-        t.why_not = text(
-            "only plunge: the tangential forces around the bur cancel (%.1f %% of the normal "
+        t.why_not = fmt::format(
+            "only plunge: the tangential forces around the bur cancel ({:.1f} % of the normal "
             "part), so u and alpha can't be separated; feed sideways too",
             100 * std::sqrt(size.tangential / size.normal));
       else if (asked_.rotation)
@@ -682,8 +671,8 @@ void Fitter::choose_modes() {
             "u and alpha can't be separated from the sensor's rotation: feed sideways and plunge, "
             "or give the rotation";
       else
-        t.why_not = text(
-            "too little excitation to separate u and alpha (u to about %.0f %%; touched %.2f s)",
+        t.why_not = fmt::format(
+            "too little excitation to separate u and alpha (u to about {:.0f} %; touched {:.2f} s)",
             100 * std::min(most, 9.99), t.touched);
     } else {
       // Little force altogether. It stays in the model if it makes any.
@@ -693,8 +682,9 @@ void Fitter::choose_modes() {
       for (const ComparedRecording& r : recordings_)
         all += force_rms_ * force_rms_ * static_cast<double>(r.basis->size);
       if (t.why_not.empty() || t.touched >= kLeastTouched)
-        t.why_not = text("too little excitation (touched %.2f s; u/alpha to about %.0f %%)",
-                         t.touched, 100 * std::min(most, 9.99));
+        t.why_not =
+            fmt::format("too little excitation (touched {:.2f} s; u/alpha to about {:.0f} %)",
+                        t.touched, 100 * std::min(most, 9.99));
       if (share < kLeastShare * all || most >= 9.99) {
         state_.mode[k] = aside();
         state_.shared[2 * k] = std::log(std::max(o_.start[k].specific_energy, 1e-3));
@@ -878,10 +868,10 @@ void Fitter::uncertainty() {
     const Eigen::VectorXd a = steps_.row(set.shared[kDelay]), b = steps_.row(set.shared[kLowpass]);
     result_.delay_lowpass_correlation = a.dot(b) / std::max(a.norm() * b.norm(), 1e-300);
     if (std::abs(result_.delay_lowpass_correlation) > kAlike)
-      result_.warnings.push_back(
-          text("delay and low-pass look alike in these recordings (correlation %.2f): their sum, "
-               "%.2f ms, is known better than either; sharp changes of the force tell them apart",
-               result_.delay_lowpass_correlation, 1e3 * (delay.value + lowpass.value)));
+      result_.warnings.push_back(fmt::format(
+          "delay and low-pass look alike in these recordings (correlation {:.2f}): their sum, "
+          "{:.2f} ms, is known better than either; sharp changes of the force tell them apart",
+          result_.delay_lowpass_correlation, 1e3 * (delay.value + lowpass.value)));
   }
   for (std::size_t r = 0; r < recordings_.size(); ++r) {
     result_.recordings[r].bias = state_.own[r].head<3>();
@@ -919,8 +909,8 @@ void Fitter::describe_tissues() {
       t.ratio_identifiable = true;
       t.u_over_alpha = ratio;
     } else if (t.why_not.empty()) {
-      t.why_not =
-          text("too little excitation (u/alpha to %.0f %% only)", 100 * ratio.std / ratio.value);
+      t.why_not = fmt::format("too little excitation (u/alpha to {:.0f} % only)",
+                              100 * ratio.std / ratio.value);
     }
     if (pu < 0) continue;
     const Eigen::VectorXd u = steps_.row(pu);
@@ -928,8 +918,9 @@ void Fitter::describe_tissues() {
     if (!t.ratio_identifiable || energy.std > kWorstStd * energy.value ||
         std::abs(log_u) >= kLargestLog) {
       if (t.why_not.empty())
-        t.why_not = text("too little excitation to separate u and alpha (u to %.0f %% only)",
-                         100 * energy.std / energy.value);
+        t.why_not =
+            fmt::format("too little excitation to separate u and alpha (u to {:.0f} % only)",
+                        100 * energy.std / energy.value);
       continue;
     }
     t.identifiable = true;
@@ -998,7 +989,7 @@ void Fitter::validation() {
           ? recordings_.size()
           : std::min<std::size_t>(static_cast<std::size_t>(std::max(o_.folds, 2)), chunks_.size());
   result_.validation = by_recording ? "leave one recording out"
-                                    : text("%zu parts of time, each left out once", folds);
+                                    : fmt::format("{} parts of time, each left out once", folds);
   const auto fold_of = [&](std::size_t chunk) {
     return by_recording ? static_cast<std::size_t>(chunks_[chunk].recording)
                         : chunk * folds / chunks_.size();
@@ -1080,9 +1071,9 @@ void Fitter::suspicions() {
                       rotation_matrix(state_.shared.segment<3>(kRotation)).transpose();
     const Eigen::AngleAxisd by(turn);
     if (rotated < (1 - kClearly) * cost && units::to_degree(by.angle()) > 2)
-      result_.warnings.push_back(text(
-          "the residuals look like a sensor frame rotated by about %.0f degrees about (%.2f, %.2f, "
-          "%.2f): check its mounting, or estimate it (--estimate rotation)",
+      result_.warnings.push_back(fmt::format(
+          "the residuals look like a sensor frame rotated by about {:.0f} degrees about ({:.2f}, "
+          "{:.2f}, {:.2f}): check its mounting, or estimate it (--estimate rotation)",
           units::to_degree(by.angle()), by.axis().x(), by.axis().y(), by.axis().z()));
   }
   if (!asked_.delay) {
@@ -1113,15 +1104,14 @@ void Fitter::suspicions() {
     const double spacing = duration / samples * static_cast<double>(stride);
     if (now - least > 20 * std::max(1.0, result_.correlation_time / spacing))
       result_.warnings.push_back(
-          text("the force seems %.0f ms %s the motion: estimate it "
-               "(--estimate delay)",
-               1e3 * std::abs(by), by > 0 ? "behind" : "ahead of"));
+          fmt::format("the force seems {:.0f} ms {} the motion: estimate it (--estimate delay)",
+                      1e3 * std::abs(by), by > 0 ? "behind" : "ahead of"));
   }
   if (scatter > 2)
-    result_.warnings.push_back(text(
-        "the residuals in contact are %.1f times the sensor's noise without contact: the model "
-        "with constant u and alpha leaves something unexplained",
-        scatter));
+    result_.warnings.push_back(
+        fmt::format("the residuals in contact are {:.1f} times the sensor's noise without contact: "
+                    "the model with constant u and alpha leaves something unexplained",
+                    scatter));
   double shank = 0, overlap = 0;
   for (const ComparedRecording& r : recordings_) {
     shank += r.basis->shank_contact;
@@ -1129,20 +1119,20 @@ void Fitter::suspicions() {
   }
   if (shank > 0)
     result_.warnings.push_back(
-        text("the shank touched the tooth for %.2f s; its force is not modelled", shank));
+        fmt::format("the shank touched the tooth for {:.2f} s; its force is not modelled", shank));
   if (overlap > 0.01)
-    result_.warnings.push_back(text(
-        "%.3f mm^3 of tissue lay inside the bur at the first sample: is the tooth as it was before "
-        "the recording, and in its frame?",
-        overlap));
+    result_.warnings.push_back(
+        fmt::format("{:.3f} mm^3 of tissue lay inside the bur at the first sample: is the tooth as "
+                    "it was before the recording, and in its frame?",
+                    overlap));
   if (result_.residual_r2 < 0.5)
     result_.warnings.push_back(
-        text("the model explains only %.0f %% of the force's variance: check tooth, bur, frames "
-             "and sign "
-             "of the force",
-             100 * std::max(0.0, result_.residual_r2)));
+        fmt::format("the model explains only {:.0f} % of the force's variance: check tooth, bur, "
+                    "frames and sign of the force",
+                    100 * std::max(0.0, result_.residual_r2)));
   if (result_.start_spread > 0.01)
-    result_.warnings.push_back(text("the starts end %.1f %% apart", 100 * result_.start_spread));
+    result_.warnings.push_back(
+        fmt::format("the starts end {:.1f} % apart", 100 * result_.start_spread));
 }
 
 // Force per modelled force in parts of the samples: by removal rate, contact area, direction of

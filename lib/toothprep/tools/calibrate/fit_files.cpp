@@ -1,11 +1,14 @@
 #include "toothprep/tools/calibrate/fit_files.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/io/csv_writer.h"
+#include "toothprep/tools/io/json_number.h"
 
 namespace toothprep {
 namespace {
@@ -14,7 +17,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostRows = 4000;
 
-Json number(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
 Json vector(const Vec3& v) { return Json::array({v.x(), v.y(), v.z()}); }
 Json interval(const Estimate& e, double factor = 1) {
   return std::isfinite(e.low) ? Json::array({e.low * factor, e.high * factor}) : Json(nullptr);
@@ -42,15 +44,15 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
     Json& out = j["tissues"][std::string(kTissueNames[k])];
     out["identifiable"] = t.identifiable;
     out["why_not"] = t.identifiable ? Json(nullptr) : Json(t.why_not);
-    out["u_j_per_mm3"] = number(t.u.value * unit);
-    out["u_std_j_per_mm3"] = number(t.u.std * unit);
+    out["u_j_per_mm3"] = number_or_null(t.u.value * unit);
+    out["u_std_j_per_mm3"] = number_or_null(t.u.std * unit);
     out["u_ci95_j_per_mm3"] = interval(t.u, unit);
-    out["alpha"] = number(t.alpha.value);
-    out["alpha_std"] = number(t.alpha.std);
+    out["alpha"] = number_or_null(t.alpha.value);
+    out["alpha_std"] = number_or_null(t.alpha.std);
     out["alpha_ci95"] = interval(t.alpha);
-    out["u_per_n_j_s_per_mm3"] = number(t.u.value * unit / fit.rotation_rate);
-    out["u_over_alpha_j_per_mm3"] = number(t.u_over_alpha.value * unit);
-    out["u_over_alpha_std_j_per_mm3"] = number(t.u_over_alpha.std * unit);
+    out["u_per_n_j_s_per_mm3"] = number_or_null(t.u.value * unit / fit.rotation_rate);
+    out["u_over_alpha_j_per_mm3"] = number_or_null(t.u_over_alpha.value * unit);
+    out["u_over_alpha_std_j_per_mm3"] = number_or_null(t.u_over_alpha.std * unit);
     out["u_over_alpha_ci95_j_per_mm3"] = interval(t.u_over_alpha, unit);
     out["touched_s"] = t.touched;
     out["removed_mm3"] = t.removed;
@@ -73,11 +75,11 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
     const DroopFit& d = *fit.droop;
     j["droop"] = {{"identifiable", d.identifiable},
                   {"why_not", d.identifiable ? Json(nullptr) : Json(d.why_not)},
-                  {"rotation_rate_rev_s", number(d.rate.value)},
-                  {"rotation_rate_std_rev_s", number(d.rate.std)},
+                  {"rotation_rate_rev_s", number_or_null(d.rate.value)},
+                  {"rotation_rate_std_rev_s", number_or_null(d.rate.std)},
                   {"rotation_rate_ci95_rev_s", interval(d.rate)},
-                  {"stall_torque_mnm", number(d.stall_torque.value)},
-                  {"stall_torque_std_mnm", number(d.stall_torque.std)},
+                  {"stall_torque_mnm", number_or_null(d.stall_torque.value)},
+                  {"stall_torque_std_mnm", number_or_null(d.stall_torque.std)},
                   {"stall_torque_ci95_mnm", interval(d.stall_torque)},
                   {"correlation", d.correlation},
                   {"residual_rms_rev_s", d.residual_rms},
@@ -88,7 +90,7 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
   j["residual_rms_n"] = fit.residual_rms;
   j["residual_r2"] = fit.residual_r2;
   j["outlier_share"] = fit.outlier_share;
-  j["validation_rms_n"] = number(fit.validation_rms);
+  j["validation_rms_n"] = number_or_null(fit.validation_rms);
   j["validation"] = fit.validation;
   j["constant_u_and_alpha_suffice"] = fit.constant_suffices;
   j["residual_correlation_s"] = fit.correlation_time;
@@ -115,14 +117,14 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
     out["bias_std_n"] = vector(own.bias_std);
     out["drift_n_per_s"] = vector(own.drift);
     out["drift_std_n_per_s"] = vector(own.drift_std);
-    out["noise_n"] = number(own.noise);
-    out["noise_without_contact_n"] = number(own.quiet_noise);
+    out["noise_n"] = number_or_null(own.noise);
+    out["noise_without_contact_n"] = number_or_null(own.quiet_noise);
     out["residual_rms_n"] = own.residual_rms;
     if (std::isfinite(own.torque_factor)) {
       out["torque_factor"] = own.torque_factor;  // measured by modelled
       out["torque_residual_rms_mnm"] = own.torque_rms;
     }
-    if (fit.recordings.size() > 1) out["validation_rms_n"] = number(own.validation_rms);
+    if (fit.recordings.size() > 1) out["validation_rms_n"] = number_or_null(own.validation_rms);
     j["recordings"].push_back(out);
   }
   j["adequacy"] = Json::array();
@@ -149,36 +151,31 @@ std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
           ? "# The rotation rate was recorded, so the specific energies hold as they are.\n"
           : "# Forces determine u/N: the specific energies hold for the rotation rate below and "
             "scale with it.\n";
-  char line[300];
   if (fit.droop && fit.droop->identifiable) {
     p.handpiece.model = HandpieceModel::kDroop;
     p.handpiece.stall_rule = StallRule::kTrial;
     p.handpiece.rotation_rate = fit.droop->rate.value;
     p.handpiece.stall_torque = fit.droop->stall_torque.value;
-    std::snprintf(line, sizeof line,
-                  "# handpiece: N0 = %.5g +- %.2g rev/s, stall torque %.4g +- %.2g mN m, from the "
-                  "recorded speed\n",
-                  fit.droop->rate.value, fit.droop->rate.std, fit.droop->stall_torque.value,
-                  fit.droop->stall_torque.std);
-    text += line;
+    text += fmt::format(
+        "# handpiece: N0 = {:.5g} +- {:.2g} rev/s, stall torque {:.4g} +- {:.2g} mN m, from the "
+        "recorded speed\n",
+        fit.droop->rate.value, fit.droop->rate.std, fit.droop->stall_torque.value,
+        fit.droop->stall_torque.std);
   }
   for (int k = 0; k < kTissueCount; ++k) {
     const TissueFit& t = fit.tissue[k];
     const std::string name(kTissueNames[k]);
     if (t.identifiable) {
       p.tissue[k] = {t.u.value, t.alpha.value};
-      std::snprintf(line, sizeof line,
-                    "# %s: u = %.5g +- %.2g J/mm3, alpha = %.4g +- %.2g (standard deviations)\n",
-                    name.c_str(), units::to_joule_per_mm3(t.u.value),
-                    units::to_joule_per_mm3(t.u.std), t.alpha.value, t.alpha.std);
-      text += line;
+      text += fmt::format(
+          "# {}: u = {:.5g} +- {:.2g} J/mm3, alpha = {:.4g} +- {:.2g} (standard deviations)\n",
+          name, units::to_joule_per_mm3(t.u.value), units::to_joule_per_mm3(t.u.std), t.alpha.value,
+          t.alpha.std);
     } else if (t.ratio_identifiable) {
       // The force along n is what was measured; alpha stays the preset's.
       p.tissue[k].specific_energy = t.u_over_alpha.value * p.tissue[k].force_ratio;
-      std::snprintf(line, sizeof line,
-                    "# %s: only u/alpha = %.5g J/mm3 was measured, alpha is the preset's\n",
-                    name.c_str(), units::to_joule_per_mm3(t.u_over_alpha.value));
-      text += line;
+      text += fmt::format("# {}: only u/alpha = {:.5g} J/mm3 was measured, alpha is the preset's\n",
+                          name, units::to_joule_per_mm3(t.u_over_alpha.value));
     } else {
       text += "# " + name + ": not measured (" + t.why_not + "), the values are the preset's\n";
     }

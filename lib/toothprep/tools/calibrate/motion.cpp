@@ -3,15 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/step/core/statistics.h"
+
 namespace toothprep {
 namespace {
-
-double median(std::vector<double> v) {
-  if (v.empty()) return 0;
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
-}
 
 // The weights of the value at the middle of a quadratic fitted to 2 m + 1 equal steps.
 std::vector<double> weights(int m) {
@@ -98,8 +93,8 @@ VelocityNoise velocity_noise(const std::vector<HandleSample>& path) {
       square = 0;
     }
   }
-  result.noise = median(spans);
-  result.feed = median(speed);
+  if (!spans.empty()) result.noise = median(std::move(spans));
+  if (!speed.empty()) result.feed = median(std::move(speed));
   return result;
 }
 

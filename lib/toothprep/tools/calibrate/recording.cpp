@@ -1,11 +1,13 @@
 #include "toothprep/tools/calibrate/recording.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <sstream>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/files/h5_reader.h"
 
 namespace toothprep {
@@ -16,12 +18,7 @@ constexpr double kMostShare = 0.05;    // of the samples above it: more than out
 constexpr std::size_t kStuckRun = 8;   // samples in a row at a limit
 constexpr double kStuckShare = 0.002;  // of the samples, from which a sensor counts as saturated
 
-std::string number(double x) {
-  std::ostringstream text;
-  text.precision(4);
-  text << x;
-  return text.str();
-}
+std::string number(double x) { return fmt::format("{:.4g}", x); }
 
 // Samples that lie in runs at exactly `limit`.
 std::size_t stuck_at(const std::vector<Vec3>& force, int axis, double limit, std::size_t& first) {
@@ -68,14 +65,12 @@ void check_magnitude(const MeasuredRecording& r) {
   std::vector<double> size;
   size.reserve(r.motion.measured_force.size());
   for (const Vec3& f : r.motion.measured_force) size.push_back(f.norm());
-  const auto place = size.begin() + static_cast<std::ptrdiff_t>(
-                                        static_cast<double>(size.size() - 1) * (1 - kMostShare));
-  std::nth_element(size.begin(), place, size.end());
-  if (*place <= kMostNewtons) return;
+  const double large = quantile(std::move(size), 1 - kMostShare);
+  if (large <= kMostNewtons) return;
   throw InputError(r.name, "force",
-                   "exceeds " + number(*place) + " N in 5 % of the samples, more than a bur is " +
-                       "pressed with: it looks like grams (then " + number(*place * 0.00980665) +
-                       " N) or millinewtons (then " + number(*place * 1e-3) + " N)",
+                   "exceeds " + number(large) + " N in 5 % of the samples, more than a bur is " +
+                       "pressed with: it looks like grams (then " + number(large * 0.00980665) +
+                       " N) or millinewtons (then " + number(large * 1e-3) + " N)",
                    "say the unit with --force-unit gf, mN or N");
 }
 
@@ -94,12 +89,11 @@ void mark_stalls(MeasuredRecording& r) {
   if (turning.empty())
     throw InputError(r.name, "rotation_rate", "is never above zero",
                      "leave it out if it wasn't recorded");
-  const auto middle = turning.begin() + static_cast<std::ptrdiff_t>(turning.size() / 2);
-  std::nth_element(turning.begin(), middle, turning.end());
+  const double stands_still = kStandsStill * median(std::move(turning));
   if (r.stalled.empty()) r.stalled.assign(r.rotation_rate.size(), 0);
   // The first row of a trace is a state before any step: at rest.
   for (std::size_t i = 1; i < r.stalled.size(); ++i)
-    if ((r.motion.samples[i].buttons & kPedalButton) && r.rotation_rate[i] < kStandsStill * *middle)
+    if ((r.motion.samples[i].buttons & kPedalButton) && r.rotation_rate[i] < stands_still)
       r.stalled[i] = 1;
 }
 
@@ -267,10 +261,7 @@ double force_by_plausible(const MeasuredRecording& recording, const ForceBasis& 
       all.push_back(recording.motion.measured_force[j][a]);
       if (!(basis.removal[index(j)] > 0)) quiet.push_back(all.back());
     }
-    std::vector<double>& v = quiet.size() > 100 ? quiet : all;
-    const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-    std::nth_element(v.begin(), middle, v.end());
-    bias[a] = *middle;
+    bias[a] = median(std::move(quiet.size() > 100 ? quiet : all));
   }
   double measured = 0, plausible = 0;
   for (std::size_t j = 0; j < samples.size(); ++j) {

@@ -1,9 +1,12 @@
 #include "toothprep/tools/calibrate/spindle.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <random>
 
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/calibrate/uncertainty.h"
 
 namespace toothprep {
@@ -13,12 +16,6 @@ constexpr double kWorstStd = 0.25;     // relative, of tau_s
 constexpr double kUnknownShare = 0.5;  // of the torque, from tissue whose u isn't known
 constexpr int kPasses = 30;
 constexpr double kLeastRoot = 0.05;  // of sqrt(1 - x): next to the collapse there is no slope
-
-double quantile(std::vector<double> v, double q) {
-  const auto at = v.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(v.size() - 1));
-  std::nth_element(v.begin(), at, v.end());
-  return *at;
-}
 
 struct Sample {
   double speed, load;        // N, c
@@ -119,7 +116,7 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
   for (int pass = 0; pass < kPasses; ++pass) {
     std::vector<double> size;
     for (const Sample& s : samples) size.push_back(std::abs(residual_of(s)));
-    scale = std::max(1.4826 * quantile(size, 0.5), 1e-9 * rate);
+    scale = std::max(kSigmaOfMedian * quantile(size, 0.5), 1e-9 * rate);
     const Sums sums = sums_of(0, samples.size());
     const Eigen::VectorXd by = -solve_scaled(sums.H, sums.g.col(0));
     rate *= std::exp(std::clamp(by[0], -0.5, 0.5));
@@ -176,11 +173,9 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
   };
   const double rate_std = std::sqrt(covariance(0, 0)), stall_std = std::sqrt(covariance(1, 1));
   if (!(stall_std <= kWorstStd)) {
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  "the speed falls by only %.1f %%: the stall torque is known to %.0f %%",
-                  100 * result.largest_fall, std::min(100 * stall_std, 999.0));
-    result.why_not = text;
+    result.why_not =
+        fmt::format("the speed falls by only {:.1f} %: the stall torque is known to {:.0f} %",
+                    100 * result.largest_fall, std::min(100 * stall_std, 999.0));
     return result;
   }
   result.identifiable = true;

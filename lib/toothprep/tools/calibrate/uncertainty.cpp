@@ -4,8 +4,11 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <boost/math/distributions/students_t.hpp>
 #include <cmath>
 #include <random>
+
+#include "toothprep/step/core/statistics.h"
 
 namespace toothprep {
 
@@ -111,8 +114,7 @@ double correlation_time(const std::vector<double>& series, double step) {
   double mean = 0;
   for (const double v : x) mean += v / static_cast<double>(n);
   for (std::size_t i = 0; i < n; ++i) size[i] = std::abs(x[i] -= mean);
-  std::nth_element(size.begin(), size.begin() + static_cast<std::ptrdiff_t>(n / 2), size.end());
-  const double limit = 3 * 1.4826 * size[n / 2];
+  const double limit = 3 * kSigmaOfMedian * median(std::move(size));
   double power = 0;
   for (double& v : x) {
     v = std::clamp(v, -limit, limit);
@@ -131,9 +133,7 @@ double correlation_time(const std::vector<double>& series, double step) {
 }
 
 double student_95(double freedom) {
-  constexpr double z = 1.959963984540054;
-  const double z3 = z * z * z, z5 = z3 * z * z;
-  return z + (z3 + z) / (4 * freedom) + (5 * z5 + 16 * z3 + 3 * z) / (96 * freedom * freedom);
+  return boost::math::quantile(boost::math::students_t(freedom), 0.975);
 }
 
 }  // namespace toothprep

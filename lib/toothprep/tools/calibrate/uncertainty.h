@@ -64,7 +64,7 @@ Eigen::MatrixXd block_bootstrap(const std::vector<NormalSums>& sums,
 double correlation_time(const std::vector<double>& series, double step);
 
 // The factor on a standard deviation for a two-sided 95 % interval with `freedom` degrees of
-// freedom (Student's t, by the expansion about the normal quantile; 0.5 % at 5).
+// freedom (Student's t), which need not be a whole number.
 double student_95(double freedom);
 
 }  // namespace toothprep

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 
@@ -59,20 +60,12 @@ std::vector<DeviationBin> histogram_of(const std::vector<float>& d, const std::v
   return bins;
 }
 
-double weighted_quantile(const std::vector<float>& d, const std::vector<double>& area,
-                         double share) {
-  std::vector<std::pair<double, double>> all;  // |d|, area
-  double sum = 0;
+double quantile_of_size(const std::vector<float>& d, const std::vector<double>& area,
+                        double share) {
+  std::vector<WeightedValue> sizes;
   for (std::size_t v = 0; v < d.size(); ++v)
-    if (!std::isnan(d[v])) {
-      all.emplace_back(std::abs(static_cast<double>(d[v])), area[v]);
-      sum += area[v];
-    }
-  std::sort(all.begin(), all.end());
-  double below = 0;
-  for (const auto& [value, weight] : all)
-    if ((below += weight) >= share * sum) return value;
-  return all.back().first;
+    if (!std::isnan(d[v])) sizes.push_back({std::abs(static_cast<double>(d[v])), area[v]});
+  return weighted_quantile(std::move(sizes), share);
 }
 
 }  // namespace
@@ -108,7 +101,7 @@ Deviation measure_deviation(const Solid& original, const Solid& prepared, const 
   result.rms_mm = std::sqrt(squares / result.area_mm2);
   result.share_within_0_1 = within_0_1 / result.area_mm2;
   result.share_within_0_2 = within_0_2 / result.area_mm2;
-  result.p95_mm = weighted_quantile(result.per_vertex, area, 0.95);
+  result.p95_mm = quantile_of_size(result.per_vertex, area, 0.95);
   const Farthest there = farthest(prepared.surface, result.per_vertex),
                  here = farthest(target.surface, back);
   result.to_target_mm = there.distance;

@@ -1,25 +1,22 @@
 #include "toothprep/tools/compare/deviation_file.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/mesh/diverging_colour.h"
 
 namespace toothprep {
 namespace {
 
-constexpr Rgb kOver = {59, 76, 192}, kUnder = {180, 4, 38}, kAgree = {247, 247, 247},
-              kOutside = {168, 168, 168};
+constexpr Rgb kOutside = {168, 168, 168};
 
 }  // namespace
 
 Rgb deviation_colour(double deviation_mm, double limit_mm) {
   if (std::isnan(deviation_mm)) return kOutside;
-  const double part = std::clamp(std::abs(deviation_mm) / limit_mm, 0.0, 1.0);
-  const Rgb& end = deviation_mm < 0 ? kOver : kUnder;
+  const std::array<float, 3> srgb = diverging_srgb(static_cast<float>(deviation_mm / limit_mm));
   Rgb colour;
-  for (std::size_t k = 0; k < 3; ++k)
-    colour[k] = static_cast<std::uint8_t>(std::lround(kAgree[k] + part * (end[k] - kAgree[k])));
+  for (std::size_t k = 0; k < 3; ++k) colour[k] = static_cast<std::uint8_t>(std::lround(srgb[k]));
   return colour;
 }
 

@@ -7,8 +7,7 @@
 //
 // Colours, as metrology has them: blue where too much was taken (negative), white where prepared
 // and target agree, red where material was left (positive); grey outside the region. Full colour
-// at +-limit. The map runs from (59, 76, 192) by white to (180, 4, 38), the ends of Moreland's
-// "cool to warm" (Diverging Color Maps for Scientific Visualization, ISVC 2009), linear in sRGB.
+// at +-limit, by the map of mesh/diverging_colour.h, as in the pictures of render.
 #pragma once
 
 #include <array>

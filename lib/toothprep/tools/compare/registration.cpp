@@ -1,16 +1,17 @@
 #include "toothprep/tools/compare/registration.h"
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <limits>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 
@@ -22,7 +23,7 @@ using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kCoarseSamples = 4000;  // of the fixed surface
 constexpr double kLeastScale = 0.02;  // mm, of Tukey's weights
-constexpr double kTukey = 4.685, kSigmaOfMedian = 1.4826;
+constexpr double kTukey = 4.685;
 constexpr double kLeastNormalProduct = 0.5;            // cos 60 degrees
 constexpr double kStepTurn = 1e-6, kStepShift = 1e-5;  // rad, mm: converged
 
@@ -245,9 +246,7 @@ double median_below(const std::vector<Match>& matches, double scale) {
   std::vector<double> d;
   for (const Match& m : matches)
     if (m.same_side && m.distance < scale) d.push_back(m.distance);
-  if (d.empty()) return scale;
-  std::nth_element(d.begin(), d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2), d.end());
-  return d[d.size() / 2];
+  return d.empty() ? scale : median(std::move(d));
 }
 
 struct Refined {
@@ -348,13 +347,6 @@ std::vector<Candidate> best_of(std::vector<Candidate> all, const Vec3& centroid,
   return best;
 }
 
-template <class... Values>
-std::string text(const char* format, Values... values) {
-  std::array<char, 240> out{};
-  std::snprintf(out.data(), out.size(), format, values...);
-  return out.data();
-}
-
 }  // namespace
 
 SurfaceRegistration register_surfaces(const Solid& moving, const Solid& fixed,
@@ -449,28 +441,28 @@ SurfaceRegistration register_surfaces(const Solid& moving, const Solid& fixed,
                      sharp >= 0.7 * result.agreeing_share);
   if (!fits)
     throw InputError(moving.file, "",
-                     text("the teeth don't match: only %.0f %% of its surface agrees within %g mm "
-                          "with that of ",
-                          100 * result.agreeing_share, options.agree_mm) +
+                     fmt::format("the teeth don't match: only {:.0f} % of its surface agrees "
+                                 "within {:g} mm with that of ",
+                                 100 * result.agreeing_share, options.agree_mm) +
                          fixed.file,
                      "are they of the same tooth?");
   constexpr double kLoose = 0.6;
   if (sharp < kLoose * result.agreeing_share)
-    result.notes.push_back(text(
-        "the fit is loose: %.0f %% of the surface agrees within %g mm, but only %.0f %% within "
-        "%g mm; is it the same tooth, of the same size?",
-        100 * result.agreeing_share, options.agree_mm, 100 * sharp, options.sharp_mm));
+    result.notes.push_back(
+        fmt::format("the fit is loose: {:.0f} % of the surface agrees within {:g} mm, but only "
+                    "{:.0f} % within {:g} mm; is it the same tooth, of the same size?",
+                    100 * result.agreeing_share, options.agree_mm, 100 * sharp, options.sharp_mm));
   if (!result.converged)
     result.notes.push_back(
-        text("the registration had not settled after %d steps", result.iterations));
+        fmt::format("the registration had not settled after {} steps", result.iterations));
   if (equal.size() > 1) {
     double farthest = 0;
     for (const Candidate& c : equal)
       farthest = std::max(farthest, angle_between(c.pose.orientation, last.pose.orientation));
     result.notes.push_back(
-        text("%zu placements fit equally well (up to %.0f degrees apart): the shape does not tell "
-             "which is right; the one that turns least was taken",
-             equal.size(), units::to_degree(farthest)));
+        fmt::format("{} placements fit equally well (up to {:.0f} degrees apart): the shape does "
+                    "not tell which is right; the one that turns least was taken",
+                    equal.size(), units::to_degree(farthest)));
   }
   if (last.stiffness_ratio < 1e-4)
     result.notes.push_back(

@@ -1,11 +1,11 @@
 #include "toothprep/tools/compare/volumes.h"
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "toothprep/step/core/errors.h"
 
@@ -198,13 +198,6 @@ double dice_of(double inside, double removed, double required) {
   return sum > 0 ? 2 * inside / sum : NAN;
 }
 
-template <class... Values>
-std::string text(const char* format, Values... values) {
-  std::array<char, 160> out{};
-  std::snprintf(out.data(), out.size(), format, values...);
-  return out.data();
-}
-
 struct SurfaceBox {
   Eigen::Vector3f low, high;
 };
@@ -218,10 +211,10 @@ SurfaceBox box_of(const TriangleMesh& surface) {
 }
 
 std::string place(const SurfaceBox& box) {
-  return text("x %.1f..%.1f, y %.1f..%.1f, z %.1f..%.1f mm", static_cast<double>(box.low.x()),
-              static_cast<double>(box.high.x()), static_cast<double>(box.low.y()),
-              static_cast<double>(box.high.y()), static_cast<double>(box.low.z()),
-              static_cast<double>(box.high.z()));
+  return fmt::format("x {:.1f}..{:.1f}, y {:.1f}..{:.1f}, z {:.1f}..{:.1f} mm",
+                     static_cast<double>(box.low.x()), static_cast<double>(box.high.x()),
+                     static_cast<double>(box.low.y()), static_cast<double>(box.high.y()),
+                     static_cast<double>(box.low.z()), static_cast<double>(box.high.z()));
 }
 
 constexpr const char* kRegister = "are they in one frame (try --register), and of the same tooth?";
@@ -234,11 +227,11 @@ void check_place(const Solid& original, const Solid& solid, const char* what) {
                          place(b) + " against " + place(a) + " in " + original.file,
                      kRegister);
   if (solid.other_anatomy > kOtherAnatomy)
-    throw InputError(
-        solid.file, "",
-        text("%.0f %% of its tissue labels differ from those of ", 100 * solid.other_anatomy) +
-            original.file + ", so it is another tooth",
-        std::string("give the ") + what + " that was cut from the original");
+    throw InputError(solid.file, "",
+                     fmt::format("{:.0f} % of its tissue labels differ from those of ",
+                                 100 * solid.other_anatomy) +
+                         original.file + ", so it is another tooth",
+                     std::string("give the ") + what + " that was cut from the original");
 }
 
 void check_added(const Solid& original, const Solid& solid, const char* what, double deep_mm3,
@@ -248,9 +241,9 @@ void check_added(const Solid& original, const Solid& solid, const char* what, do
   const double added = deep_mm3 + solid.beyond_box_mm3;
   if (added > most)
     throw InputError(solid.file, "",
-                     text("%.3g mm³ of the %s stand out of the original tooth by more than a voxel "
-                          "(%.2g %% of the tooth), so it was not cut from ",
-                          added, what, 100 * added / original_mm3) +
+                     fmt::format("{:.3g} mm³ of the {} stand out of the original tooth by more "
+                                 "than a voxel ({:.2g} % of the tooth), so it was not cut from ",
+                                 added, what, 100 * added / original_mm3) +
                          original.file,
                      kRegister);
 }
@@ -273,11 +266,12 @@ VolumeComparison compare_volumes(const Solid& original, const Solid& prepared, c
   const double voxel = original.tooth.lattice.voxel, cube = voxel * voxel * voxel;
   check_added(original, prepared, "prepared tooth", sums[kAddedDeep][0], result.original.total);
   if (result.removed.total < kFewestVoxels * cube)
-    throw InputError(prepared.file, "",
-                     text("nothing was removed from the original tooth (%.2g mm³, less than %g "
-                          "voxels): ",
-                          result.removed.total, kFewestVoxels) +
-                         "there is no preparation to score");
+    throw InputError(
+        prepared.file, "",
+        fmt::format(
+            "nothing was removed from the original tooth ({:.2g} mm³, less than {:g} voxels): ",
+            result.removed.total, kFewestVoxels) +
+            "there is no preparation to score");
   constexpr int kPulp = tissue_index(Tissue::kPulp);
   result.pulp_exposed = result.removed.tissue[kPulp] > cube / 2;
   if (!target) return result;
@@ -289,9 +283,9 @@ VolumeComparison compare_volumes(const Solid& original, const Solid& prepared, c
   check_added(original, *target, "target", sums[kTargetAddedDeep][0], result.original.total);
   if (result.required.total < kFewestVoxels * cube)
     throw InputError(target->file, "",
-                     text("the target removes nothing from the original tooth (%.2g mm³, less than "
-                          "%g voxels)",
-                          result.required.total, kFewestVoxels),
+                     fmt::format("the target removes nothing from the original tooth ({:.2g} mm³, "
+                                 "less than {:g} voxels)",
+                                 result.required.total, kFewestVoxels),
                      "give the tooth as it should look after the preparation");
   result.inside = minus(result.removed, result.over);
   result.dice = dice_of(result.inside.total, result.removed.total, result.required.total);

@@ -1,9 +1,10 @@
 #include "toothprep/tools/device/openhaptics_device.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 #include <vector>
 
@@ -106,9 +107,7 @@ class Driver {
   // "communication error (0x0302)"
   std::string name_of(HDerror code) const {
     const char* const text = lib_.hdGetErrorString(code);
-    char number[16];
-    std::snprintf(number, sizeof number, "(0x%04x)", code);
-    return std::string(text && *text ? text : "error") + " " + number;
+    return fmt::format("{} (0x{:04x})", text && *text ? text : "error", code);
   }
 
   std::string text(HDenum what) const {
@@ -243,11 +242,8 @@ class OpenDevice {
     identity_.serial = driver_.text(HD_DEVICE_SERIAL_NUMBER);
     identity_.driver = "driver " + driver_.text(HD_DEVICE_DRIVER_VERSION) + ", HDAPI " +
                        driver_.text(HD_VERSION) + ", " + driver_->path;
-    if (const std::optional<double> firmware = driver_.real(HD_DEVICE_FIRMWARE_VERSION)) {
-      char number[32];
-      std::snprintf(number, sizeof number, "%g", *firmware);
-      identity_.firmware = number;
-    }
+    if (const std::optional<double> firmware = driver_.real(HD_DEVICE_FIRMWARE_VERSION))
+      identity_.firmware = fmt::format("{:g}", *firmware);
   }
 
   const Driver& driver_;
@@ -259,11 +255,7 @@ class OpenDevice {
 // As the current device tells; what isn't plausible is assumed, with a note.
 DeviceLimits limits_of(const Driver& driver) {
   DeviceLimits limits;
-  const auto number = [](double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%g", value);
-    return std::string(text);
-  };
+  const auto number = [](double value) { return fmt::format("{:g}", value); };
   const auto plausible = [&](std::optional<double> told, double low, double high, double assumed,
                              const char* name, const char* unit) {
     if (told && *told >= low && *told <= high) return *told;

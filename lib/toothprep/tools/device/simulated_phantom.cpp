@@ -1,7 +1,8 @@
 #include "toothprep/tools/device/simulated_phantom.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <sstream>
 #include <string>
 
 #include "toothprep/step/core/errors.h"
@@ -10,10 +11,7 @@ namespace toothprep {
 namespace {
 
 void require(bool condition, const std::string& name, const std::string& what, double value) {
-  if (condition) return;
-  std::ostringstream text;
-  text << name << ": must be " << what << ", not " << value;
-  throw Error(text.str());
+  if (!condition) throw Error(fmt::format("{}: must be {}, not {:g}", name, what, value));
 }
 
 void require_positive(const std::string& name, double value) {

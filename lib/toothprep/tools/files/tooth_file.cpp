@@ -1,5 +1,6 @@
 #include "toothprep/tools/files/tooth_file.h"
 
+#include <fmt/format.h>
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
@@ -42,12 +43,7 @@ const LevelSet& level_set(const LayeredTooth& tooth, int k) {
   return k == 0 ? tooth.solid : tooth.remains[k - 1];
 }
 
-std::string text_of(double value) {
-  std::ostringstream out;
-  out.precision(9);
-  out << value;
-  return out.str();
-}
+std::string text_of(double value) { return fmt::format("{:.9g}", value); }
 
 // ---- The archive's id. OpenVDB puts a random UUID (version 4) at a fixed place of the header.
 // Ours is of version 8 (RFC 9562: free to derive) and holds 122 bits of the SHA-256 over the file

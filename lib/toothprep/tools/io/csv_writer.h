@@ -1,15 +1,14 @@
 // CSV, a row at a time.
 #pragma once
 
-#include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstdio>
 #include <cstring>
 #include <memory>
 #include <string>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/number_text.h"
 
 namespace toothprep {
 
@@ -28,9 +27,7 @@ class CsvWriter {
   // The shortest decimal that reads back as the same double.
   void number(double value) {
     separate();
-    std::array<char, 32> digits;
-    const auto [end, error] = std::to_chars(digits.data(), digits.data() + digits.size(), value);
-    buffer_.append(digits.data(), end);
+    buffer_ += shortest_text(value);
   }
   void end_row() {
     buffer_ += '\n';

@@ -1,11 +1,11 @@
 #include "toothprep/tools/io/memory_limit.h"
 
+#include <fmt/format.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -84,9 +84,7 @@ std::uint64_t available_memory() {
 std::string size_text(double bytes) {
   const bool giga = bytes >= 0.9995e9;
   const double value = bytes / (giga ? 1e9 : 1e6);
-  char text[64];
-  std::snprintf(text, sizeof text, value < 9.95 ? "%.1f %s" : "%.0f %s", value, giga ? "GB" : "MB");
-  return text;
+  return fmt::format("{:.{}f} {}", value, value < 9.95 ? 1 : 0, giga ? "GB" : "MB");
 }
 
 }  // namespace toothprep

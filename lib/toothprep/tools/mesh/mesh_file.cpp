@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <bit>
 #include <cctype>
-#include <charconv>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/number_text.h"
 #include "toothprep/tools/mesh/surface.h"
 
 namespace toothprep {
@@ -46,9 +46,7 @@ class Bytes {
   void text(const std::string& s) { put(s.data(), s.size()); }
   template <class T>
   void number(T value) {  // the shortest text that reads back as the same value, in any locale
-    std::array<char, 32> digits;
-    const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
-    put(digits.data(), static_cast<std::size_t>(end - digits.data()));
+    text(shortest_text(value));
   }
   const std::vector<char>& bytes() const { return bytes_; }
 

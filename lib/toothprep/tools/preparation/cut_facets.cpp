@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 
@@ -63,7 +64,7 @@ CutFacets::CutFacets(const TriangleMesh& surface, const std::vector<float>& dept
     first_.push_back(static_cast<std::uint32_t>(neighbours_.size()));
   }
 
-  const double cosine = std::cos(20 * std::numbers::pi / 180);
+  const double cosine = std::cos(units::from_degree(20));
   std::vector<std::uint32_t> sharp;
   for (std::uint32_t i = 0; i < facets_.size(); ++i)
     for (const std::uint32_t j : this->around(i))

@@ -1,14 +1,15 @@
 #include "toothprep/tools/preparation/floors.h"
 
 #include <Eigen/Dense>
-#include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+
+#include "toothprep/step/core/statistics.h"
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 
-double FloorPlane::tilt_deg() const { return std::atan(slope.norm()) * 180 / std::numbers::pi; }
+double FloorPlane::tilt_deg() const { return units::to_degree(std::atan(slope.norm())); }
 
 Vec3 FloorPlane::normal(const PreparationFrame& frame) const {
   return (frame.d - slope.x() * frame.u - slope.y() * frame.v).normalized();
@@ -63,15 +64,8 @@ std::vector<Floor> find_floors(const CutFacets& facets, const PreparationFrame& 
   return floors;
 }
 
-double Weighted::quantile(double q) {
-  if (values_.empty()) return std::numeric_limits<double>::quiet_NaN();
-  if (!sorted_) std::sort(values_.begin(), values_.end());
-  sorted_ = true;
-  double total = 0, sum = 0;
-  for (const auto& [value, weight] : values_) total += weight;
-  for (const auto& [value, weight] : values_)
-    if ((sum += weight) >= q * total) return value;
-  return values_.back().first;
+double Weighted::quantile(double q) const {
+  return values_.empty() ? std::numeric_limits<double>::quiet_NaN() : weighted_quantile(values_, q);
 }
 
 double Weighted::mean() const {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 #include "toothprep/tools/preparation/cut_facets.h"
 #include "toothprep/tools/preparation/preparation.h"
@@ -41,12 +42,11 @@ class Weighted {
  public:
   void add(double value, double weight) { values_.push_back({value, weight}); }
   bool empty() const { return values_.empty(); }
-  double quantile(double q);  // NaN if empty
+  double quantile(double q) const;  // NaN if empty
   double mean() const;
 
  private:
-  std::vector<std::pair<double, double>> values_;
-  bool sorted_ = false;
+  std::vector<WeightedValue> values_;
 };
 
 // Distances from facets along d to the original surface, mm.

@@ -1,13 +1,14 @@
 #include "toothprep/tools/preparation/frame.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <cstdio>
-#include <numbers>
 #include <sstream>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
 #include "toothprep/tools/preparation/floors.h"
 
 namespace toothprep {
@@ -66,7 +67,7 @@ Vec3 along_the_walls(const CutFacets& facets, const Vec3& d) {
   Vec3 longest = a;
   double length = -1;
   for (int k = 0; k < 2; ++k) {
-    const double t = turn + k * std::numbers::pi / 2;
+    const double t = turn + k * units::kPi / 2;
     const Vec3 u = std::cos(t) * a + std::sin(t) * b;
     double low = 1e30, high = -1e30;
     for (const Facet& f : facets.all()) {
@@ -123,14 +124,12 @@ PreparationFrame find_frame(const LayeredTooth& original, const TriangleMesh& or
   }
 
   // A box that is open at the side, too, leans by 45 degrees and more, but nothing sound by 80.
-  if (!opening.isZero() && opening.dot(frame.d) < std::cos(80 * std::numbers::pi / 180)) {
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  "the occlusal axis %s is %.0f degrees off the direction in which the tooth was "
-                  "opened; is it right?",
-                  frame.axis_source.c_str(),
-                  std::acos(std::clamp(opening.dot(frame.d), -1.0, 1.0)) * 180 / std::numbers::pi);
-    notes.emplace_back(text);
+  if (!opening.isZero() && opening.dot(frame.d) < std::cos(units::from_degree(80))) {
+    notes.push_back(
+        fmt::format("the occlusal axis {} is {:.0f} degrees off the direction in which the tooth "
+                    "was opened; is it right?",
+                    frame.axis_source,
+                    units::to_degree(std::acos(std::clamp(opening.dot(frame.d), -1.0, 1.0)))));
   }
 
   const auto mesial = options.mesial ? std::optional(direction(*options.mesial, "mesial"))

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 
@@ -56,7 +57,7 @@ Margin measure_margin(const CutFacets& facets, const std::vector<WallFacet>& wal
     const double width = (s.middle - on).dot(normal) / normal.dot(across) + tolerance;
     margin.width.add(width, s.length);
     const double angle = std::atan2(at.y() - centre.y(), at.x() - centre.x());
-    const int step = static_cast<int>((angle / (2 * std::numbers::pi) + 1) * kSteps) % kSteps;
+    const int step = static_cast<int>((angle / (2 * units::kPi) + 1) * kSteps) % kSteps;
     around[step].add(width, s.length);
   }
   int good = 0;

@@ -1,15 +1,15 @@
 #include "toothprep/tools/preparation/preparation.h"
 
+#include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <map>
-#include <numbers>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/number_text.h"
+#include "toothprep/step/core/units.h"
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/preparation/cut_facets.h"
 #include "toothprep/tools/preparation/floors.h"
@@ -22,7 +22,7 @@
 namespace toothprep {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kDegree = units::from_degree(1);
 constexpr std::size_t kFewestFacets = 30;
 
 // What all measurements read, and the preparation that they fill.
@@ -50,14 +50,8 @@ struct Bench {
 
 double angle_uncertainty(double voxel, double span) { return std::atan(voxel / span) / kDegree; }
 
-std::string text_of(double value, const char* format) {
-  char text[48];
-  std::snprintf(text, sizeof text, format, value);
-  // Never "-0.0".
-  if (text[0] == '-' &&
-      !std::any_of(text, text + std::strlen(text), [](char c) { return c >= '1' && c <= '9'; }))
-    return text + 1;
-  return text;
+std::string text_of(double value, fmt::format_string<double> format) {
+  return without_negative_zero(fmt::vformat(format, fmt::make_format_args(value)));
 }
 
 Wall wall_on(const Bench& bench, Side side, const std::vector<WallFacet>& walls) {
@@ -418,13 +412,13 @@ void mark_walls(const Bench& bench, Section& section, Side side,
       return (k == 0 ? 1 : -1) * wall.distance_at(height) - shift;
     };
     section.marks.push_back({Vec2(x(low), low - rise), Vec2(x(high), high - rise),
-                             text_of(wall.angle_deg, "%.1f\u00b0"), false});
+                             text_of(wall.angle_deg, "{:.1f}\u00b0"), false});
   }
   if (pair[0].middle.empty() || pair[1].middle.empty()) return;
   const double level = (pair[0].level + pair[1].level) / 2;
   const double right = pair[0].distance_at(level), left = -pair[1].distance_at(level);
   section.marks.push_back({Vec2(left - shift, level - rise), Vec2(right - shift, level - rise),
-                           text_of(right - left, "\u2194 %.2f mm"), true});
+                           text_of(right - left, "\u2194 {:.2f} mm"), true});
 }
 
 // The way along the axis from what the bur left at the section's middle to the original's surface.
@@ -436,8 +430,8 @@ void mark_depth(const Bench& bench, Section& section) {
   const auto hit = bench.original_tree.first_hit(floor->point, frame.d);
   if (!hit) return;
   const double low = (floor->point - section.origin).dot(section.up);
-  section.marks.push_back(
-      {Vec2(0, low), Vec2(0, low + hit->distance), text_of(hit->distance, "\u2195 %.2f mm"), true});
+  section.marks.push_back({Vec2(0, low), Vec2(0, low + hit->distance),
+                           text_of(hit->distance, "\u2195 {:.2f} mm"), true});
 }
 
 void mark_margin(const Bench& bench, Section& section, Side side) {
@@ -469,7 +463,7 @@ void mark_margin(const Bench& bench, Section& section, Side side) {
     const double to = (finish - section.origin).dot(out) + bench.tolerance;
     const double sign = out.dot(section.right) > 0 ? 1 : -1;
     section.marks.push_back({Vec2(sign * from, height - rise), Vec2(sign * to, height - rise),
-                             text_of(to - from, "\u2194 %.2f mm"), true});
+                             text_of(to - from, "\u2194 {:.2f} mm"), true});
   }
 }
 
@@ -549,7 +543,7 @@ struct Cut {
         facets(surface, depth_of_cut(surface, original), tolerance) {
     if (facets.size() < kFewestFacets)
       throw Error("nothing was cut: no part of the prepared surface lies " +
-                  text_of(tolerance, "%.3g") + " mm or more inside the original");
+                  fmt::format("{:.3g}", tolerance) + " mm or more inside the original");
     // The neighbour is outside what was prepared here, too.
     const bool layered = has_tissues(original_surface);
     std::vector<float> above = depth_inside(original_surface, prepared);

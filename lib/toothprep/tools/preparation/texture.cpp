@@ -4,7 +4,8 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <numbers>
+
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 namespace {
@@ -14,7 +15,7 @@ constexpr std::size_t kPlaces = 600;
 
 double roughness_at(const CutFacets& facets, std::uint32_t centre) {
   const Facet& c = facets[centre];
-  const double near_normal = std::cos(std::numbers::pi / 6);
+  const double near_normal = std::cos(units::kPi / 6);
   std::vector<std::uint32_t> patch = {centre};
   std::vector<std::uint8_t> seen(facets.size(), 0);
   seen[centre] = 1;
@@ -77,7 +78,7 @@ double line_angle_radius(const CutFacets& facets, const std::vector<WallFacet>& 
     const Vec3 slope = (frame.d - frame.d.dot(f.normal) * f.normal).normalized();
     const double way = (f.centroid - on_plane).dot(normal) / slope.dot(normal);
     const double gap = prepared.nearest(f.centroid - way * slope).distance;
-    const double angle = std::numbers::pi - std::acos(std::clamp(f.normal.dot(normal), -1.0, 1.0));
+    const double angle = units::kPi - std::acos(std::clamp(f.normal.dot(normal), -1.0, 1.0));
     const double share = 1 / std::sin(angle / 2) - 1;
     if (share > 0.05) radii.add(gap / share, f.area);
   }

@@ -4,7 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 namespace {
@@ -35,7 +36,7 @@ double free_after(const TriangleTree& tree, const Vec3& x, const Vec3& side, con
 }  // namespace
 
 Vec3 best_path_of_draw(const CutFacets& facets, const Vec3& axis) {
-  const double slack = std::sin(std::numbers::pi / 180);
+  const double slack = std::sin(units::from_degree(1));
   const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
   double total = 0;
   for (const Facet& f : facets.all()) total += f.area;
@@ -51,7 +52,7 @@ Vec3 best_path_of_draw(const CutFacets& facets, const Vec3& axis) {
     }
     return sum / total + 1e-5 * (x * x + y * y);
   };
-  const double limit = std::tan(std::numbers::pi / 6);
+  const double limit = std::tan(units::kPi / 6);
   double x = 0, y = 0, best = cost(0, 0);
   for (double step = 0.1; step > 1e-4;) {  // a pattern search: two unknowns, a convex cost
     bool moved = false;
@@ -86,7 +87,7 @@ Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, c
     // The way out is mostly the way the wall faces; under a ceiling it may be any.
     const int ways = std::abs(f.normal.dot(path)) > 0.7 ? 8 : 3;
     for (int k = 0; k < ways; ++k) {
-      const double turn = ways == 8 ? k * std::numbers::pi / 4 : (k - 1) * std::numbers::pi / 6;
+      const double turn = ways == 8 ? k * units::kPi / 4 : (k - 1) * units::kPi / 6;
       const Vec3 way = std::cos(turn) * side + std::sin(turn) * other;
       least = std::min(least, free_after(prepared, x, way, path, least));
     }

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 namespace {
@@ -106,7 +107,7 @@ std::vector<WallFacet> find_walls(const CutFacets& facets, const std::vector<Flo
 }
 
 double Wall::distance_at(double height_of_point) const {
-  const double lean = std::tan(angle_deg * std::numbers::pi / 180);
+  const double lean = std::tan(units::from_degree(angle_deg));
   return distance + (cavity ? lean : -lean) * (height_of_point - level);
 }
 
@@ -132,7 +133,7 @@ Wall wall_of(const std::vector<WallFacet>& walls, Side side, const CutFacets& fa
     wall.level += f.area * frame.height(f.centroid);
   }
   if (wall.middle.size() < 10) return {side, {}, 0, 0, 0, 0, 0, wall.cavity};
-  wall.angle_deg = std::asin(std::clamp(lean / weight, -1.0, 1.0)) * 180 / std::numbers::pi;
+  wall.angle_deg = units::to_degree(std::asin(std::clamp(lean / weight, -1.0, 1.0)));
   wall.distance /= weight;
   wall.level /= weight;
   wall.height = heights.quantile(0.5);

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "toothprep/tools/mesh/diverging_colour.h"
+
 namespace toothprep {
 namespace {
 
@@ -42,24 +44,9 @@ Colour tissue_colour(Tissue tissue) {
 
 Colour diverging_colour(float value) {
   if (std::isnan(value)) return {0.45f, 0.45f, 0.45f};
-  static constexpr std::array<std::array<int, 3>, 9> kSteps = {{{33, 102, 172},
-                                                                {67, 147, 195},
-                                                                {146, 197, 222},
-                                                                {209, 229, 240},
-                                                                {247, 247, 247},
-                                                                {253, 219, 199},
-                                                                {244, 165, 130},
-                                                                {214, 96, 77},
-                                                                {178, 24, 43}}};
-  const float at = 4 * (1 + std::clamp(value, -1.f, 1.f));
-  const int step = std::min(static_cast<int>(at), 7);
-  const float t = at - static_cast<float>(step);
-  Colour mixed;  // between the classes, evenly in sRGB
-  for (int k = 0; k < 3; ++k)
-    mixed[k] = linear_from_srgb(((1 - t) * static_cast<float>(kSteps[step][k]) +
-                                 t * static_cast<float>(kSteps[step + 1][k])) /
-                                255);
-  return mixed;
+  const std::array<float, 3> srgb = diverging_srgb(value);
+  return {linear_from_srgb(srgb[0] / 255), linear_from_srgb(srgb[1] / 255),
+          linear_from_srgb(srgb[2] / 255)};
 }
 
 }  // namespace toothprep

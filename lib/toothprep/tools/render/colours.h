@@ -15,10 +15,7 @@ float srgb_from_linear(float linear);                   // 0 to 1 both, clamped
 // Of a surface under white light. Air: of a surface of which nothing is known.
 Colour tissue_colour(Tissue tissue);
 
-// Blue (-1) over white (0) to red (1), beyond the ends the ends'; even steps look even, lightness
-// tells the magnitude (ColorBrewer's RdBu reversed, without its two
-// darkest classes, which shade would turn black: Harrower and Brewer, Cartogr J
-// 2003;40:27-37). Grey for NaN.
+// diverging_srgb() in linear light; grey for NaN.
 Colour diverging_colour(float value);
 
 }  // namespace toothprep

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "toothprep/step/core/units.h"
+
 namespace toothprep {
 namespace {
 
@@ -61,7 +63,7 @@ std::vector<Vec3f> corner_normals(const TriangleMesh& mesh, int passes) {
     normal[t] = n.stableNormalized().cast<float>();
   });
 
-  const float widest = 1 - std::cos(50 * 3.14159265f / 180);
+  const float widest = 1 - std::cos(static_cast<float>(units::from_degree(50)));
   for (int pass = 0; pass < passes; ++pass) {
     tbb::parallel_for(std::size_t{0}, count, [&](std::size_t t) {
       Vec3f sum = Vec3f::Zero();
@@ -76,7 +78,7 @@ std::vector<Vec3f> corner_normals(const TriangleMesh& mesh, int passes) {
     normal.swap(next);
   }
 
-  const float crease = std::cos(40 * 3.14159265f / 180);
+  const float crease = std::cos(static_cast<float>(units::from_degree(40)));
   std::vector<Vec3f> corners(3 * count);
   tbb::parallel_for(std::size_t{0}, count, [&](std::size_t t) {
     for (int c = 0; c < 3; ++c) {

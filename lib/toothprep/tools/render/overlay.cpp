@@ -1,8 +1,9 @@
 #include "toothprep/tools/render/overlay.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string_view>
 
 namespace toothprep {
@@ -97,12 +98,6 @@ void draw_text(Picture& picture, std::string_view text, Point at, double height)
 
 double text_height(const Picture& picture) { return std::max(8.0, picture.height / 62.0); }
 
-std::string number_text(double value, const char* format) {
-  char text[32];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
-
 }  // namespace
 
 void draw_scale_bar(Picture& picture, double mm_per_pixel) {
@@ -119,7 +114,7 @@ void draw_scale_bar(Picture& picture, double mm_per_pixel) {
   draw_stroke(picture, left, right, width);
   for (const Point& end : {left, right})
     draw_stroke(picture, end - Point(0, 0.3 * height), end + Point(0, 0.3 * height), width);
-  draw_text(picture, number_text(length, "%g mm"), left - Point(0, 0.8 * height), height);
+  draw_text(picture, fmt::format("{:g} mm", length), left - Point(0, 0.8 * height), height);
 }
 
 void draw_colour_bar(Picture& picture, double range_mm) {
@@ -127,7 +122,7 @@ void draw_colour_bar(Picture& picture, double range_mm) {
   const int bar_height = static_cast<int>(0.5 * picture.height);
   const int bar_width = std::max(6, static_cast<int>(1.1 * height));
   const int top = (picture.height - bar_height) / 2;
-  const std::string widest = number_text(range_mm, "+%.3g");
+  const std::string widest = fmt::format("+{:.3g}", range_mm);
   const double label = text_width(widest, height) + 0.8 * height;
   const int left = static_cast<int>(picture.width - margin - label) - bar_width;
   for (int y = 0; y < bar_height; ++y) {
@@ -147,8 +142,7 @@ void draw_colour_bar(Picture& picture, double range_mm) {
     const double y = top + bar_height * (0.5 - 0.25 * tick);
     draw_stroke(picture, Point(right, y), Point(right + 0.4 * height, y),
                 std::max(1.0, height / 10));
-    const std::string text =
-        tick == 0 ? "0" : number_text(0.5 * tick * range_mm, tick > 0 ? "+%.3g" : "%.3g");
+    const std::string text = tick == 0 ? "0" : fmt::format("{:+.3g}", 0.5 * tick * range_mm);
     draw_text(picture, text, Point(right + 0.8 * height, y + 0.5 * height), height);
   }
   draw_text(picture, "mm", Point(left, top - height), height);

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
 #include "toothprep/step/tooth/level_at.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 #include "toothprep/tools/render/mesh_normals.h"
@@ -18,7 +19,6 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr double kPi = 3.14159265358979323846;
 
 // A number in [0, 1) for each pixel, of which near ones differ much (J. Jimenez, SIGGRAPH 2014).
 double pixel_noise(int x, int y) {
@@ -213,7 +213,7 @@ struct Renderer::Pass {
     int rays = 0, open = 0;
     for (int i = first; i < total; i += step) {
       const double r2 = (i + 0.5) / total;
-      const double angle = 2 * kPi * (radical_inverse(i, 2) + turn);
+      const double angle = 2 * units::kPi * (radical_inverse(i, 2) + turn);
       const double length = reach * std::sqrt(fraction(radical_inverse(i, 3) + turn));
       const double r = std::sqrt(r2);
       const Vec3 along =
@@ -226,7 +226,7 @@ struct Renderer::Pass {
 
   float key_seen(const Seen& seen, int sample, int total, double turn) const {
     const double r = 0.12 * std::sqrt((sample + 0.5) / total);  // a disc of 7° around the key light
-    const double angle = 2 * kPi * (radical_inverse(sample, 2) + turn);
+    const double angle = 2 * units::kPi * (radical_inverse(sample, 2) + turn);
     const Vec3 along =
         (key + r * std::cos(angle) * key_u + r * std::sin(angle) * key_v).normalized();
     if (along.dot(seen.face) <= 0) return 0;

@@ -6,11 +6,10 @@
 #include <limits>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // Numbers between separators (and spaces); nothing if anything else stands there.
 std::optional<std::vector<double>> numbers(std::string text, char separator) {
@@ -104,7 +103,7 @@ ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance) {
 View view_of(const std::string& text, const ToothAxes& axes) {
   if (text == "oblique") {
     const Vec3 aside = (0.77 * axes.mesial + 0.64 * axes.buccal).normalized();
-    const double above = 35 * kPi / 180;
+    const double above = units::from_degree(35);
     return {text, -(std::cos(above) * aside + std::sin(above) * axes.occlusal), axes.occlusal};
   }
   const Vec3 from = side(text, axes);

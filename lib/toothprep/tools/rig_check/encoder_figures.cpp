@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/rig_check/protocol.h"
-#include "toothprep/tools/rig_check/quantile.h"
 #include "toothprep/tools/rig_check/rig_figures.h"
 
 namespace toothprep {

@@ -8,6 +8,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/nearest_name.h"
+#include "toothprep/step/core/number_text.h"
 
 namespace toothprep {
 namespace {
@@ -15,12 +16,6 @@ namespace {
 constexpr std::array kKinds = {ProtocolKind::kRest, ProtocolKind::kStep,
                                ProtocolKind::kStiffnessSweep, ProtocolKind::kDampingSweep,
                                ProtocolKind::kWall};
-
-std::string shortest(double value) {
-  std::array<char, 32> digits;
-  const auto [end, error] = std::to_chars(digits.data(), digits.data() + digits.size(), value);
-  return {digits.data(), end};
-}
 
 // The words of a protocol, taken from the left.
 class Words {
@@ -134,8 +129,8 @@ void validate(const Protocol& p) {
     const bool above = least > 0 ? value >= least : value > 0;
     if (!(std::isfinite(value) && above && value <= most))
       throw Error(std::string("protocol ") + name_of(p.kind) + ": " + name + " must be " +
-                  (least > 0 ? "at least " + shortest(least) : "above 0") + " and at most " +
-                  shortest(most));
+                  (least > 0 ? "at least " + shortest_text(least) : "above 0") + " and at most " +
+                  shortest_text(most));
   };
   if (is_sweep(p.kind)) {
     const double most = p.kind == ProtocolKind::kStiffnessSweep ? 10 : 10000;
@@ -219,18 +214,18 @@ std::string print_protocol(const Protocol& p) {
   const std::string name = name_of(p.kind);
   switch (p.kind) {
     case ProtocolKind::kRest:
-      return name + " " + shortest(p.duration_s) + " s";
+      return name + " " + shortest_text(p.duration_s) + " s";
     case ProtocolKind::kStep:
-      return name + " " + shortest(p.force_n) + " N for " + shortest(p.duration_s) + " s";
+      return name + " " + shortest_text(p.force_n) + " N for " + shortest_text(p.duration_s) + " s";
     case ProtocolKind::kStiffnessSweep:
     case ProtocolKind::kDampingSweep:
-      return name + " " + shortest(p.from) + ".." + shortest(p.to) +
+      return name + " " + shortest_text(p.from) + ".." + shortest_text(p.to) +
              (p.kind == ProtocolKind::kStiffnessSweep ? " N/mm in " : " N*s/m in ") +
              std::to_string(p.count) + (p.geometric ? " geometric" : "") + " steps of " +
-             shortest(p.hold_s) + " s";
+             shortest_text(p.hold_s) + " s";
     case ProtocolKind::kWall:
-      return name + " " + shortest(p.stiffness_n_per_mm) + " N/mm travel " + shortest(p.travel_mm) +
-             " mm for " + shortest(p.duration_s) + " s";
+      return name + " " + shortest_text(p.stiffness_n_per_mm) + " N/mm travel " +
+             shortest_text(p.travel_mm) + " mm for " + shortest_text(p.duration_s) + " s";
   }
   return name;
 }

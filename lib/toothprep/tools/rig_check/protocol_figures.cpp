@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/device/closed_loop.h"
 #include "toothprep/tools/device/high_pass_rms.h"
-#include "toothprep/tools/rig_check/quantile.h"
 
 namespace toothprep {
 namespace {

@@ -3,18 +3,15 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/io/csv_writer.h"
-#include "toothprep/tools/rig_check/quantile.h"
+#include "toothprep/tools/io/json_number.h"
 #include "toothprep/tools/rig_check/rig_report.h"
 
 namespace toothprep {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json number(const std::optional<double>& x) {
-  return x && std::isfinite(*x) ? Json(*x) : Json(nullptr);
-}
 
 void header_row(CsvWriter& csv, std::initializer_list<const char*> names) {
   for (const char* name : names) csv.text(name);
@@ -72,17 +69,17 @@ std::string report_json(const RigReport& report, const SessionRecording& r,
   j["passed"] = report.passed;
   j["failed"] = report.failed;
   j["not_measured"] = report.not_measured;
-  for (const RigLine& line : report.lines) j[line.figure->key] = number(line.value);
+  for (const RigLine& line : report.lines) j[line.figure->key] = number_or_null(line.value);
 
   j["lines"] = Json::array();
   for (const RigLine& line : report.lines) {
     Json l;
     l["figure"] = line.figure->key;
     l["section"] = line.figure->section;
-    l["value"] = number(line.value);
+    l["value"] = number_or_null(line.value);
     l["unit"] = line.figure->unit;
-    l["limit_min"] = line.limit ? number(line.limit->min) : Json(nullptr);
-    l["limit_max"] = line.limit ? number(line.limit->max) : Json(nullptr);
+    l["limit_min"] = line.limit ? number_or_null(line.limit->min) : Json(nullptr);
+    l["limit_max"] = line.limit ? number_or_null(line.limit->max) : Json(nullptr);
     l["verdict"] = name_of(line.verdict);
     l["meaning"] = line.figure->meaning;
     if (!line.why_not.empty()) l["why_not"] = line.why_not;

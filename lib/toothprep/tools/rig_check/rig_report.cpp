@@ -1,7 +1,8 @@
 #include "toothprep/tools/rig_check/rig_report.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <map>
 
@@ -143,12 +144,6 @@ class Values {
   std::map<std::string, Entry> values_;
 };
 
-std::string text(const char* format, double value) {
-  char buffer[64];
-  std::snprintf(buffer, sizeof buffer, format, value);
-  return buffer;
-}
-
 void put_time(const SessionRecording& r, const RigMethod& method, Values& v, RigReport& report) {
   if (const auto f = servo_figures(r, method)) {
     const double us = 1e6, rate = r.header.rate_hz;
@@ -236,7 +231,7 @@ void put_events(const SessionRecording& r, Values& v, RigReport& report) {
 void put_coupling(const SessionRecording& r, const Parameters& p, Values& v, RigReport& report) {
   if (const auto f = lag_figures(r, p)) {
     v.set("lag_mean_mm", f->mean);
-    v.set("lag_largest_mm", f->largest, text("at %.3f s", f->largest_at));
+    v.set("lag_largest_mm", f->largest, fmt::format("at {:.3f} s", f->largest_at));
     v.set("lag_force_over_k_mm", f->largest_force_over_k);
     v.set("lag_law_residual_mm", f->law_residual);
   } else {
@@ -244,10 +239,10 @@ void put_coupling(const SessionRecording& r, const Parameters& p, Values& v, Rig
          {"lag_mean_mm", "lag_largest_mm", "lag_force_over_k_mm", "lag_law_residual_mm"});
   }
   if (const auto f = device_port_figures(r)) {
-    v.set("device_port_minimum_mj", f->minimum, text("at %.3f s", f->minimum_at));
+    v.set("device_port_minimum_mj", f->minimum, fmt::format("at {:.3f} s", f->minimum_at));
     v.set("device_port_absorbed_mj", f->last);
     v.set("device_port_return_mj", f->largest_return,
-          text("from %.3f s", f->return_from) + text(" to %.3f s", f->return_to));
+          fmt::format("from {:.3f} s to {:.3f} s", f->return_from, f->return_to));
     if (r.header.trace.drive == "coupled")
       v.set("device_port_return_over_store",
             f->largest_return * 2 * p.coupling.stiffness / (f->peak_force * f->peak_force));
@@ -292,7 +287,7 @@ void put_stability(const SessionRecording& r, const Parameters& p, const RigLimi
           "direct_limit_friction_n_s_per_m", "direct_margin"});
     return;
   }
-  const std::string count = text("D = %.4g mm", f->count) +
+  const std::string count = fmt::format("D = {:.4g} mm", f->count) +
                             (f->count_measured ? ", measured here" : ", from the table of devices");
   v.set("coupling_limit_device_n_per_mm", f->limit_device);
   v.set("coupling_limit_hand_n_per_mm", f->limit_hand);
@@ -303,7 +298,7 @@ void put_stability(const SessionRecording& r, const Parameters& p, const RigLimi
     v.no(not_coupled, {"coupling_margin"});
   v.set("direct_limit_linear_n_s_per_m", f->limit_linear * 1e3);
   v.set("direct_limit_counts_n_s_per_m", f->limit_counts * 1e3,
-        text("at %.3g mm/s; ", f->speed) + count);
+        fmt::format("at {:.3g} mm/s; ", f->speed) + count);
   v.set("direct_limit_friction_n_s_per_m", f->limit_count_friction * 1e3, count);
   if (f->tooth_damping)
     v.set("tooth_damping_n_s_per_m", *f->tooth_damping * 1e3);
@@ -311,8 +306,9 @@ void put_stability(const SessionRecording& r, const Parameters& p, const RigLimi
     v.no("the bur ground nothing", {"tooth_damping_n_s_per_m"});
   if (coupled)
     v.no("the session was coupled: the spring stands between" +
-             (f->direct_margin ? text(" (direct rendering would have %.2g)", *f->direct_margin)
-                               : std::string()),
+             (f->direct_margin
+                  ? fmt::format(" (direct rendering would have {:.2g})", *f->direct_margin)
+                  : std::string()),
          {"direct_margin"});
   else if (f->direct_margin)
     v.set("direct_margin", *f->direct_margin);
@@ -326,7 +322,7 @@ void put_motors(const SessionRecording& r, const RigMethod& method, Values& v) {
     v.set("force_rms_n", f->rms);
     v.set("force_rms_window_n", f->worst_window_rms);
     v.set("thermal_force_n", f->model_force,
-          text("time constant %.3g s", method.thermal_time_constant_s));
+          fmt::format("time constant {:.3g} s", method.thermal_time_constant_s));
     v.set("thermal_load", f->load,
           std::isfinite(f->load) ? "" : "the device tells no continuous force");
   } else {
@@ -386,7 +382,8 @@ void put_protocol(const SessionRecording& r, const RigMethod& method, Values& v,
     report.sweep = sweep.value;
     // Not one level stable counts as the limit 0.
     v.set(stable, sweep->last_stable.value_or(0),
-          sweep->first_vibrating ? text("vibrates from %.4g on", *sweep->first_vibrating) : "");
+          sweep->first_vibrating ? fmt::format("vibrates from {:.4g} on", *sweep->first_vibrating)
+                                 : "");
     if (sweep->first_unstable)
       v.set(unstable, *sweep->first_unstable);
     else

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "toothprep/step/core/errors.h"
-#include "toothprep/tools/rig_check/quantile.h"
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/rig_check/rig_figures.h"
 
 namespace toothprep {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/device/stability_map.h"
-#include "toothprep/tools/rig_check/quantile.h"
 #include "toothprep/tools/rig_check/rig_figures.h"
 
 namespace toothprep {

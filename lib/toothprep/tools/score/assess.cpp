@@ -1,8 +1,9 @@
 #include "toothprep/tools/score/assess.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
@@ -15,12 +16,6 @@ namespace {
 // doesn't count as cut.
 constexpr double kResampledSkin = 0.3;  // voxels
 constexpr double kResiduals = 3;        // registration residuals (RMS)
-
-std::string text_of(const char* format, double a, double b = 0, double c = 0) {
-  char text[256];
-  std::snprintf(text, sizeof text, format, a, b, c);
-  return text;
-}
 
 PreparationType type_named(const std::string& name) {
   return static_cast<PreparationType>(
@@ -72,11 +67,11 @@ Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions&
     const SurfaceRegistration registration = register_surfaces(solid, original);
     motion = registration.motion;
     for (const std::string& note : registration.notes) notes.push_back(solid.file + ": " + note);
-    notes.push_back(
-        std::string("the ") + role +
-        text_of(" tooth was laid on the original: turned by %.3g degrees, moved by %.3g "
-                "mm, residual %.3g mm (RMS)",
-                registration.angle_deg, registration.shift_mm, registration.residual_rms_mm));
+    notes.push_back(std::string("the ") + role +
+                    fmt::format(" tooth was laid on the original: turned by {:.3g} degrees, moved "
+                                "by {:.3g} mm, residual {:.3g} mm (RMS)",
+                                registration.angle_deg, registration.shift_mm,
+                                registration.residual_rms_mm));
     if (std::string(role) == "prepared")
       quantities.push_back({"registration_rms_mm", registration.residual_rms_mm, NAN, "mm"});
     skin = std::max(skin, kResiduals * registration.residual_rms_mm);

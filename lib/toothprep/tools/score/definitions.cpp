@@ -1,8 +1,10 @@
 #include "toothprep/tools/score/definitions.h"
 
-#include <algorithm>
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
+
+#include "toothprep/step/core/number_text.h"
 
 namespace toothprep {
 namespace {
@@ -333,13 +335,8 @@ std::vector<std::string> known_criterion_keys() {
 
 std::string value_text(double value, const std::string& unit, std::optional<int> digits) {
   if (unit == "yes/no") return value != 0 ? "yes" : "no";
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits.value_or(digits_of(unit)), value);
-  std::string number = text;
-  // No minus before zero.
-  if (number[0] == '-' && number.find_first_of("123456789") == std::string::npos)
-    number.erase(0, 1);
-  return number + unit_text(unit);
+  return without_negative_zero(fmt::format("{:.{}f}", value, digits.value_or(digits_of(unit)))) +
+         unit_text(unit);
 }
 
 std::string definitions_page() {

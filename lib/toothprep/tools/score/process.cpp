@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/score/definitions.h"
 
@@ -14,23 +15,10 @@ namespace {
 constexpr int kPulpIndex = tissue_index(Tissue::kPulp);
 constexpr int kOtherIndex = tissue_index(Tissue::kOther);
 
-struct TimedValue {
-  double value = 0, time = 0;  // time: s, how long it lasted
-};
-
-// The smallest of the values that are not exceeded for `share` of the time. Reorders.
-double time_quantile(std::vector<TimedValue>& values, double share) {
-  std::sort(values.begin(), values.end(),
-            [](const TimedValue& a, const TimedValue& b) { return a.value < b.value; });
-  const double total =
-      std::accumulate(values.begin(), values.end(), 0.0,
-                      [](double sum, const TimedValue& v) { return sum + v.time; });
-  double passed = 0;
-  for (const TimedValue& v : values) {
-    passed += v.time;
-    if (passed >= share * total * (1 - 1e-12)) return v.value;  // the sums' own rounding
-  }
-  return values.back().value;
+double largest(const std::vector<WeightedValue>& values) {
+  double most = values.front().value;
+  for (const WeightedValue& v : values) most = std::max(most, v.value);
+  return most;
 }
 
 // Collects the spans in which something is so.
@@ -87,7 +75,7 @@ ProcessFigures process_figures(const std::vector<StepRecord>& rows, const Proces
   double path = 0, path_cutting = 0, energy = 0, removed_total = 0;
   double peak_power = 0, lag = 0;
   int stalls = 0;
-  std::vector<TimedValue> forces, felt;
+  std::vector<WeightedValue> forces, felt;
   Episodes contacts(ProcessEventKind::kContact, options.shortest_gap);
   Episodes stall_spans(ProcessEventKind::kStall, options.shortest_gap);
   Episodes pulp_spans(ProcessEventKind::kPulp, options.shortest_gap);
@@ -159,11 +147,10 @@ ProcessFigures process_figures(const std::vector<StepRecord>& rows, const Proces
   tell("mean_speed_mm_s", path / time);
   if (cutting_time > 0) tell("mean_feed_mm_s", path_cutting / cutting_time);
   if (!forces.empty()) {
-    const double p95 = time_quantile(forces, 0.95), felt_p95 = time_quantile(felt, 0.95);
-    tell("peak_force_n", forces.back().value);  // sorted by now
-    tell("force_p95_n", p95);
-    tell("peak_device_force_n", felt.back().value);
-    tell("device_force_p95_n", felt_p95);
+    tell("peak_force_n", largest(forces));
+    tell("force_p95_n", weighted_quantile(forces, 0.95));
+    tell("peak_device_force_n", largest(felt));
+    tell("device_force_p95_n", weighted_quantile(felt, 0.95));
   }
   tell("time_above_force_limit_s", above_force);
   // N·mm is mJ, N·mm/s is mW.

@@ -5,13 +5,12 @@
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/json_number.h"
 
 namespace toothprep {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json number_or_null(double x) { return std::isfinite(x) ? Json(x) : Json(nullptr); }
 
 Json range_json(const Range& range) {
   return Json::array({number_or_null(range.low), number_or_null(range.high)});

@@ -1,8 +1,9 @@
 #include "toothprep/tools/score_report/markup.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 
 namespace toothprep {
 namespace {
@@ -63,9 +64,7 @@ std::string escaped(std::string_view text) {
 
 std::string short_number(double value, int digits) {
   if (!std::isfinite(value)) return "0";
-  char text[400];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  std::string number = text;
+  std::string number = fmt::format("{:.{}f}", value, digits);
   if (number.find('.') != std::string::npos) {
     number.erase(number.find_last_not_of('0') + 1);
     if (number.back() == '.') number.pop_back();

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <variant>
@@ -131,9 +133,8 @@ void read_line(StrictTable& table, Segment& segment) {
     const double end_speed_squared = line.speed * line.speed + 2.0 * line.acceleration * length;
     if (end_speed_squared < 0)
       table.refuse("acceleration_mm_s2",
-                   "stops the bur after " +
-                       std::to_string(-0.5 * line.speed * line.speed / line.acceleration) + " of " +
-                       std::to_string(length) + " mm",
+                   fmt::format("stops the bur after {:g} of {:g} mm",
+                               -0.5 * line.speed * line.speed / line.acceleration, length),
                    "brake less, or start faster");
     // The root of s = v t + a t²/2 in the form that does not cancel.
     segment.duration = 2.0 * length / (line.speed + std::sqrt(end_speed_squared));
