@@ -6,6 +6,8 @@
   proof; the light modules (CMakeLists.txt) need light modules only.
 - Heavy headers stay in the modules that need them.
 - Every source is built, every module has a README, and no file is large.
+- In Markdown every relative link leads to a file, and to a heading where it names one; every path of the tree that
+  Markdown, sources or help texts name exists.
 
 Usage: check_structure.py [ROOT]; prints one line per breach and exits 1 if there is one.
 """
@@ -34,6 +36,8 @@ HEAVY = {
 RINGS = ["step", "tools", "proof"]  # each may use itself and what stands before it
 LARGEST_FILE = 1_000_000  # bytes
 SOURCES = {".h", ".cpp", ".cc", ".hpp"}
+# A path from the root, or from lib/toothprep, ending in a name; one with a capital in a folder's name is a placeholder.
+TREE_PATH = re.compile(r"(?<![\w/.~$*-])((?:lib/toothprep|apps/toothprep|data|tests|scripts|step|tools|proof)/[\w./*+-]*[\w*])")
 
 
 def includes(path):
@@ -87,6 +91,53 @@ def repository_files(root):
     except (OSError, subprocess.CalledProcessError):
         return [p for p in root.rglob("*") if p.is_file() and not any(
             part.startswith((".", "build", "quickstart-results")) for part in p.relative_to(root).parts[:-1])]
+
+
+def headings(path):
+    """The anchors of a Markdown file, as the usual viewers make them."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+    titles = re.findall(r"^#+ (.*)$", text, re.M)
+    return {re.sub(r"[^\w -]", "", t.strip().lower()).replace(" ", "-") for t in titles}
+
+
+def named_path_exists(root, path):
+    """Of a path in a text: from the root or from lib/toothprep, with wildcards, a header's name without its ending."""
+    if any(part.isupper() for part in path.split("/")[:-1]) or re.search(r"(^|/)(NAME|FILE|DIR)\b", path):
+        return True
+    for base in (root, root / "lib" / "toothprep"):
+        if (base / path).exists() or any(base.glob(path + ".*" if "*" not in path else path)):
+            return True
+    return False
+
+
+def check_texts(root, files):
+    """Links and paths that lead nowhere."""
+    for path in files:
+        place = path.relative_to(root)
+        if path.suffix not in SOURCES | {".md"} or place.parts[:2] == ("tests", "structure"):
+            continue
+        lines = path.read_text(encoding="utf-8").splitlines()
+        fenced = False
+        for number, line in enumerate(lines, 1):
+            fenced ^= path.suffix == ".md" and line.startswith("```")
+            if path.suffix == ".md" and not fenced:
+                for link in re.findall(r"\]\(([^)\s]+)\)", line):
+                    if re.match(r"\w+:", link):
+                        continue
+                    file, _, anchor = link.partition("#")
+                    target = (path.parent / file).resolve() if file else path
+                    if not target.exists():
+                        yield f"{place}:{number}: links to {link}, which does not exist"
+                    elif anchor and anchor not in headings(target):
+                        yield f"{place}:{number}: links to {link}, but there is no such heading"
+                line = re.sub(r"\]\([^)]*\)", "]", line)
+            elif path.suffix != ".md":  # in sources, what comments and texts name as files
+                if re.match(r"\s*#\s*include", line):
+                    continue
+                line = " ".join(m for m in TREE_PATH.findall(line) if re.search(r"\.(md|h|cpp|toml|py)$", m))
+            for named in TREE_PATH.findall(line):
+                if not named_path_exists(root, named):
+                    yield f"{place}:{number}: names {named}, which does not exist"
 
 
 def check(root):
@@ -168,7 +219,9 @@ def check(root):
                         breaches.append(f"{place}:{number}: includes {header}, which belongs in "
                                         f"{homes[0]}")
 
-    for path in repository_files(root):
+    files = repository_files(root)
+    breaches.extend(check_texts(root, sorted(files)))
+    for path in files:
         if path.stat().st_size > LARGEST_FILE:
             breaches.append(f"{path.relative_to(root)}: has {path.stat().st_size / 1e6:.1f} MB, more than "
                             f"{LARGEST_FILE / 1e6:g} MB")

@@ -51,6 +51,26 @@ class Breaches(unittest.TestCase):
     def test_a_good_tree_has_none(self):
         self.assertEqual(self.breaches({}), [])
 
+    def test_texts_may_name_what_exists(self):
+        self.assertEqual(self.breaches({
+            "lib/toothprep/step/core/README.md":
+                "# core: *the* parts\n[t](../tooth/README.md), [here](#core-the-parts), [out](https://a.b/c)\n"
+                "`step/core/a.h`, lib/toothprep/step/core, `tests/RING/MODULE`, `tools/files/f`, `step/core/a.*`\n",
+            "lib/toothprep/step/core/a.h": "// see step/core/README.md\n"}), [])
+
+    def test_link_to_nowhere(self):
+        self.expect({"lib/toothprep/step/core/README.md": "a\n[b](../b.md)"}, "core/README.md:2", "links to ../b.md")
+
+    def test_link_to_a_heading_that_is_missing(self):
+        self.expect({"lib/toothprep/step/core/README.md": "# A\n[b](#b)"}, "no such heading")
+
+    def test_path_that_moved(self):
+        self.expect({"lib/toothprep/step/core/README.md": "`lib/toothprep/step/core/b.h`"}, "names lib/toothprep/step/core/b.h")
+        self.expect({"lib/toothprep/step/core/README.md": "```\ncat data/b.toml\n```"}, "README.md:2", "data/b.toml")
+
+    def test_path_in_a_comment_or_help_text_that_moved(self):
+        self.expect({"apps/toothprep/main.cpp": '// a\nhelp("see data/b/README.md")\n'}, "main.cpp:2", "data/b/README.md")
+
     def test_undeclared_edge(self):
         self.expect({"lib/toothprep/step/core/a.h": '#include "toothprep/step/tooth/t.h"\n'},
                     "core/a.h:1", "does not declare the module tooth")

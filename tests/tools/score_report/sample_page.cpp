@@ -66,7 +66,7 @@ Outline with_cavity(const Outline& tooth, const std::vector<Vec2>& cavity) {
 ScorePage spoiled_class2() {
   ScorePage page;
   ScoreSheet& s = page.sheet;
-  s.toothprep_version = "0.1.0";
+  s.toothprep_version = "0.2.0";
   s.inputs = {
       {"original", "molar.vdb", "9f2c41d07be84aa1c3c0a54d9cbb6b07e0b1ac4f0f1f8b6d4b3d9a8a11223344"},
       {"prepared", "students/<script>alert(1)</script> & \"Müller\".vdb",
@@ -192,7 +192,7 @@ ScorePage spoiled_class2() {
 ScorePage good_crown() {
   ScorePage page;
   ScoreSheet& s = page.sheet;
-  s.toothprep_version = "0.1.0";
+  s.toothprep_version = "0.2.0";
   s.inputs = {{"original", "molar.vdb", "9f2c41d07be84aa1"},
               {"prepared", "crown.vdb", "1b3c41d07be8"}};
   s.type = "crown";
