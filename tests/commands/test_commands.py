@@ -282,7 +282,7 @@ class Commands(unittest.TestCase):
         # Its traces are traces.
         self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "figs/small/levelset.h5", "--bur", "ball:D1.2",
                     "-o", "figures-again.h5")
-        # An existing folder stays unless told otherwise.
+        # An existing folder stays unless --force is given.
         again = ("figures", "--experiments", "mine", "--voxel-mm", "0.15", "--no-plots", "--engine", "levelset")
         self.assert_refused(*again, "-o", "figs", output=None, says="exists")
         self.run_ok(*again, "--force", "-o", "figs")

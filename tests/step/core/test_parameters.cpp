@@ -30,7 +30,7 @@ std::string parse_error(const std::string& toml) {
   return error_of([&] { parse_parameters(toml, "p.toml"); });
 }
 
-// Every number and choice as text that tells any two doubles apart.
+// Every number and choice as text that distinguishes any two doubles.
 std::string bits(const Parameters& p) {
   std::string text = p.preset;
   const auto add = [&](double x) {

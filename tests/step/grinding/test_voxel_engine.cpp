@@ -25,7 +25,7 @@ std::vector<HandleSample> down_to(double depth, double z, double speed = 0.5) {
 TEST(VoxelEngine, BurWithoutInteriorVoxelIsRefused) {
   const LayeredTooth tooth = block(0.1, 1, Vec3(2, 2, 2));
   Workpiece workpiece(tooth);
-  // Two voxels across but nothing a voxel beneath its skin.
+  // Two voxels across but nothing a voxel beneath its surface.
   const Bur thin = make_bur("ball:D0.25", "");
   EXPECT_THROW(VoxelEngine(thin, workpiece, voxel_parameters(), {}), Error);
   const Bur enough = make_bur("ball:D0.5", "");

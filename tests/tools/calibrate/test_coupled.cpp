@@ -91,7 +91,7 @@ void print(const CoupledFit& r) {
 TEST(Coupled, HandleRecordingWithoutNoiseIsRecoveredToATenthOfAPercent) {
   const Rig r(rig());
   EXPECT_EQ(r.run.totals.stalled_steps, 0);
-  EXPECT_GT(r.run.totals.largest_lag, 1);  // far from the handle, so its motion alone tells nothing
+  EXPECT_GT(r.run.totals.largest_lag, 1);  // far from the handle, so its motion alone means nothing
   const CoupledFit fitted = r.fitted();
   print(fitted);
   expect_truth(fitted.fit, 1e-3);

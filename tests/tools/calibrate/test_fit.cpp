@@ -102,8 +102,8 @@ TEST(Fit, GivenSensorValuesNeedNoEstimate) {
   EXPECT_NEAR((r.recordings[0].drift - s.drift).norm(), 0, 0.002);
 }
 
-// A sensor in the handpiece feels its weight in a direction that turns with it; with the handpiece
-// tilted by some 17° that can be told from the bias.
+// A sensor in the handpiece has its weight in a direction that turns with it; with the handpiece
+// tilted by some 17° that can be separated from the bias.
 TEST(Fit, WeightOfATiltedHandpieceIsFound) {
   auto path = mixed_feed();
   for (HandleSample& s : path)

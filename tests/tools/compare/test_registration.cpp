@@ -151,7 +151,7 @@ TEST(Registration, RefusesAnotherTooth) {
   const Solid other = solid_of("block.vdb", block(0.2));
   EXPECT_THAT([&] { register_surfaces(other, original); },
               ThrowsMessage<InputError>(HasSubstr("the teeth don't match: only")));
-  // A molar 3 % larger is told apart, though it fits within 0.2 mm over more than half of it.
+  // A molar 3 % larger is recognised, though it fits within 0.2 mm over more than half of it.
   Solid larger = original;
   for (auto& v : larger.surface.vertices) v *= 1.03F;
   const SurfaceRegistration loose = register_surfaces(larger, original);

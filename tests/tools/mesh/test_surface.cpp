@@ -282,7 +282,7 @@ class MeshFile : public testing::Test {
 TEST_F(MeshFile, IsReadByCgalInEveryFormat) {
   for (const char* name : {"m.ply", "m.stl", "m.obj", "M.PLY"}) {
     write_mesh(surface_, path(name));
-    // CGAL tells formats by lower-case names.
+    // CGAL recognises formats by lower-case names.
     const std::string lower =
         path("lower." + std::string(name == std::string("M.PLY") ? "ply" : name + 2));
     std::filesystem::rename(path(name), lower);

@@ -1,4 +1,4 @@
-// What is found when it isn't told: the kind of preparation, the occlusal axis, the sides; and
+// What is found when it isn't given: the kind of preparation, the occlusal axis, the sides; and
 // what a neighbouring tooth must not change.
 #include <gtest/gtest.h>
 

@@ -85,15 +85,15 @@ TEST(ExrFile, EveryChannelReadsBack) {
     for (std::size_t p = 0; p < values.size(); ++p) EXPECT_EQ(values[p], image.normal[3 * p + k]);
   }
   const std::vector<float> deviation = channel("deviation.Y");
-  int told = 0;
+  int seen = 0;
   for (std::size_t p = 0; p < deviation.size(); ++p) {
     EXPECT_EQ(std::isnan(deviation[p]), std::isinf(image.depth[p]));
     if (!std::isnan(deviation[p])) {
-      ++told;
+      ++seen;
       EXPECT_NEAR(deviation[p], 0.125f, 1e-7);
     }
   }
-  EXPECT_GT(told, 500);
+  EXPECT_GT(seen, 500);
   EXPECT_EQ(file.header().typedAttribute<Imf::StringAttribute>("toothprep:view").value(), "buccal");
   EXPECT_EQ(file.header().typedAttribute<Imf::StringAttribute>("software").value(), "a test");
   EXPECT_FLOAT_EQ(file.header().typedAttribute<Imf::FloatAttribute>("toothprep:mmPerPixel").value(),

@@ -53,7 +53,7 @@ TEST(FaultEvents, AreToldByNameOnsetAndSeverity) {
 }
 
 // A handle that swings x_n = A sin(2 pi n/N), N ticks a cycle, and a law that answers x_n with f_n,
-// held to the next tick: row n + 1 tells f_n.
+// held to the next tick: row n + 1 has f_n.
 constexpr double kAmplitude = 5;  // mm
 constexpr int kCycle = 500;       // ticks: 2 Hz
 SessionRecording swinging(int cycles, const std::function<double(double x, double dx)>& law) {

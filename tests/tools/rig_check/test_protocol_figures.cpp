@@ -62,7 +62,7 @@ TEST(StepCheck, ADelayOfTheDeviceIsSeenInTicks) {
   for (std::size_t i = 0; i < 3000; ++i) {
     const double time = r.header.trace.rows[i].handle.time;
     if (protocol_step_on(p, time)) r.force_commanded[i] = Vec3(0.5, 0, 0);
-    // Row i tells what was sent in the tick before; two ticks of delay.
+    // Row i has what was sent in the tick before; two ticks of delay.
     if (i >= 3 && protocol_step_on(p, r.header.trace.rows[i - 3].handle.time))
       r.force_sent[i] = Vec3(0.49, 0, 0);
   }

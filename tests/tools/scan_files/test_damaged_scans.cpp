@@ -31,7 +31,7 @@ struct Outcome {
   std::string text;  // the size, the refusal, or what was wrong
 };
 
-// What becomes of each, found out in another process: one that ends there is told, and the next one
+// What becomes of each, found out in another process: one that ends there counts, and the next one
 // begins with the next.
 std::vector<Outcome> outcomes(const std::vector<Damage>& damages, const fs::path& folder) {
   std::vector<Outcome> all(damages.size());

@@ -201,7 +201,8 @@ TEST_F(SpoiledClass2, NeighbourCut) {
   EXPECT_FALSE(assessment.sheet.result->passed);
 }
 
-TEST_F(SpoiledClass2, NeighbourGrazed) {  // 0.02 mm deep over 11 mm²: 0.2 mm³, told but no failure
+TEST_F(SpoiledClass2,
+       NeighbourGrazed) {  // 0.02 mm deep over 11 mm²: 0.2 mm³, reported but no failure
   CavityOptions cavity = good_class2();
   cavity.neighbour_damage = 0.02;
   const Assessment assessment = judged(cavity);

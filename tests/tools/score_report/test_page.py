@@ -91,7 +91,7 @@ def main():
     root, text = pages["class2"]
     check("<script>" not in text, "a file name became markup")
     words = " ".join(root.itertext())
-    check("<script>alert(1)</script> & \"Müller\".vdb" in words, "the file name is not told as it is")
+    check("<script>alert(1)</script> & \"Müller\".vdb" in words, "the file name is not shown as it is")
     check("FAILED" in words and "The pulp is open" in words.replace("the pulp", "The pulp"), "no verdict")
     images = [e.get("src") for e in root.iter("img")]
     check(len(images) == 2, "pictures are missing")

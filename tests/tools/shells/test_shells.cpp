@@ -177,7 +177,7 @@ TEST(Shells, AHullAndACapMakeTheSameTooth) {
     EXPECT_NEAR(volumes[0], 72, 0.002 * 72);
     EXPECT_NEAR(volumes[1], 216, 0.002 * 216);
     EXPECT_NEAR(volume_mm3(tooth.solid, 0.1), 288, 0.002 * 288);
-    // No air skin along the shared face: the solid is deep there.
+    // No air layer along the shared face: the solid is deep there.
     EXPECT_FLOAT_EQ(value_at(tooth.solid, tooth, {0.05, 0.05, 0.05}), -0.3F);
     EXPECT_FLOAT_EQ(value_at(tooth.solid, tooth, {0.05, -0.05, 0.05}), -0.3F);
   }

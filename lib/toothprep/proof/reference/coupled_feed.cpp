@@ -1,6 +1,5 @@
 #include "toothprep/proof/reference/coupled_feed.h"
 
-#include <boost/math/distributions/students_t.hpp>
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
@@ -8,6 +7,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <array>
+#include <boost/math/distributions/students_t.hpp>
 #include <boost/math/tools/toms748_solve.hpp>
 #include <cmath>
 #include <cstddef>
@@ -106,7 +106,7 @@ class Integrator {
       if (!change.allFinite()) return std::nullopt;
       for (std::size_t i = 0; i < 3; ++i)
         rate[i] += change.segment<3>(static_cast<Eigen::Index>(3 * i));
-      // Converged, or as near as the quadrature's own rounding lets it come.
+      // Converged, or as near as the quadrature's own rounding permits.
       const double moved = h * change.cwiseAbs().maxCoeff();
       const bool stuck = pass > 3 && moved > 0.5 * last && moved < 0.1 * feed_.tolerance;
       if (moved < 1e-4 * feed_.tolerance || stuck) {
@@ -191,7 +191,7 @@ State between(const State& a, const State& m, const State& b, double tau) {
   return out;
 }
 
-// Where, as far as the solved step tells, the contact first isn't what it was at the step's start:
+// Where, within the solved step, the contact first isn't what it was at the step's start:
 // the load has a kink there, and a step across it may be worse than its error estimate knows.
 // Nothing if it is the same at the end, or if that is within kSmallestStep of the ends.
 std::optional<double> kink_in(const Integrator& solver, const State& from, const State& middle,

@@ -15,7 +15,7 @@ namespace toothprep {
 enum LiveFlag : std::uint32_t {
   kForceClamped = 1,      // above the force limit; direction kept
   kForceRateLimited = 2,  // changed faster than allowed
-  kForceHeatLimited = 4,  // above what the motors stand for good, for too long
+  kForceHeatLimited = 4,  // above the motors' continuous force, for too long
   kForceNotFinite = 8,    // the step gave a force that is no number: zero was sent
   kForceRamped = 16,      // the device's ramp scaled it
   kForceWithheld = 32,    // not sent for another reason: a fault, stopping, a governor

@@ -1,4 +1,4 @@
-// Which bricks of the cut have changed: what grinding tells a display.
+// Which bricks of the cut have changed: what a display needs to know.
 //
 // A queue of brick indices in the order of their first change, each at most once, so that it never
 // holds more than the grid has bricks: marking and taking allocate nothing and never fail, whether

@@ -8,7 +8,7 @@
 namespace toothprep {
 namespace {
 
-constexpr double kReachVoxels = 0.1;  // contact is looked for this far ahead of the skin
+constexpr double kReachVoxels = 0.1;  // contact is looked for this far ahead of the surface
 
 class LevelsetEngine final : public GrindingEngine {
  public:

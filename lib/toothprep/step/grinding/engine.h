@@ -39,8 +39,8 @@ class GrindingEngine {
   virtual const PerTissue<double>& removed() const noexcept = 0;
 };
 
-// The engine that `parameters` ask for. Keeps references to bur and workpiece. Throws Error if the
-// bur is too thin for it: two voxels across, and for the voxel engine one voxel beneath its skin.
+// The engine that `parameters` name. Keeps references to bur and workpiece. Throws Error if the
+// bur is too thin for it: two voxels across, and for the voxel engine a voxel beneath its surface.
 std::unique_ptr<GrindingEngine> make_engine(const Bur& bur, Workpiece& workpiece,
                                             const Parameters& parameters, const Pose& pose,
                                             double element_size);

@@ -12,7 +12,7 @@ constexpr std::size_t kMaxSubPoses = 1024;
 // two.
 constexpr double kSubPoseVoxels = 0.55;
 // Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
-// told from their centre.
+// judged by their centre.
 constexpr int kBlockEdge = 4;
 constexpr int kBlockVoxels = kBlockEdge * kBlockEdge * kBlockEdge;
 // A cut is carved in proportion to the way, a little ahead of the next one's being due; never less

@@ -6,7 +6,7 @@
 // half a voxel, so that a fast move can't jump over tissue. Its work is spread over the following
 // steps, brick by brick, so that no step pays for a whole cut; the carved bricks are put in place
 // all at once when the last is done, so that contact never reads a field that is half carved. Until
-// then the bur meets the same tissue a little deeper inside its skin.
+// then the bur meets the same tissue a little deeper below its surface.
 #pragma once
 
 #include <vector>

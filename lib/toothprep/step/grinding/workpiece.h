@@ -37,7 +37,7 @@ class Workpiece {
   ChangedBricks& changed() { return changed_; }
 
   // Labels, extended two voxels into the air beside the surface (nearest tissue), so that a
-  // boundary voxel whose centre lies outside still tells its tissue.
+  // boundary voxel whose centre lies outside still has its tissue.
   const LabelGrid& labels() const { return labels_; }
 
   // Of a brick and its seven upper neighbours, i.e. of every cell that starts in the brick, by

@@ -316,7 +316,7 @@ CoupledFit fit_coupled(const Bur& bur, const LayeredTooth& tooth, const Paramete
   for (int iteration = 0;; ++iteration) {
     const auto bases = model.bases(true);
     light.start = at;
-    // A tissue whose alpha can't be told keeps the one that was given.
+    // A tissue whose alpha isn't identifiable keeps the one that was given.
     const auto all = compared(recordings, bases, options);
     const FitResult step = fit(all, light);
     CoupledIteration here{at, before, 0};

@@ -51,7 +51,7 @@ struct CoupledFit {
 };
 
 // The handle's motions (samples at parameters.time_step) beside their recordings. `progress` is
-// told of each iteration. Throws Error as fit() does, and if it doesn't converge.
+// called at each iteration. Throws Error as fit() does, and if it doesn't converge.
 CoupledFit fit_coupled(const Bur& bur, const LayeredTooth& tooth, const Parameters& parameters,
                        const std::vector<MeasuredRecording>& recordings,
                        const std::vector<RecordedMotion>& handles, const FitOptions& options,

@@ -129,12 +129,12 @@ std::vector<ForceBasis> force_bases(const Bur& bur, const LayeredTooth& tooth,
   double all = 0;
   for (const RecordedMotion& m : motions) all += static_cast<double>(m.path.size());
   std::vector<double> done(motions.size(), 0);
-  std::mutex telling;
+  std::mutex reporting;
   tbb::parallel_for(std::size_t{0}, motions.size(), [&](std::size_t r) {
     const auto& [path, spindle] = motions[r];
     bases[r] = force_basis(bur, tooth, parameters, path, spindle,
                            progress ? std::function<void(double)>([&, r](double part) {
-                             const std::lock_guard lock(telling);
+                             const std::lock_guard lock(reporting);
                              done[r] = part * static_cast<double>(motions[r].path.size()) / all;
                              double sum = 0;
                              for (const double d : done) sum += d;

@@ -6,7 +6,7 @@
 //   F(t) = 1/N · sum over tissues k of [u_k T_k(t) + w_k N_k(t)]
 //
 // so that one replay gives T_k and N_k for any values. With a recorded speed, N is N(t), and u
-// itself is determined instead of u/N. A stalled bur removes nothing, and what it feels doesn't
+// itself is determined instead of u/N. A stalled bur removes nothing, and the force on it doesn't
 // follow from its motion: samples that are said to be stalled have no force.
 #pragma once
 
@@ -72,7 +72,7 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
                        const std::vector<HandleSample>& path, const SpindleRecord& spindle = {},
                        const std::function<void(double)>& progress = {});
 
-// The same of several motions, in parallel; `progress` is told how many of their samples are done,
+// The same of several motions, in parallel; `progress` gets how many of their samples are done,
 // from one thread at a time.
 std::vector<ForceBasis> force_bases(const Bur& bur, const LayeredTooth& tooth,
                                     const Parameters& parameters,

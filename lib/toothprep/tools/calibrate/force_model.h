@@ -13,7 +13,7 @@
 //   tau_f        filter + x[kLowpass]     s               time constant of its low-pass
 //   b, d         own[0 .. 3], [3 .. 6]    N, N/s    sensor, per recording
 //
-// Where u_k is tied (a tissue whose tangential part can't be told), u_k = alpha0 w_k. T_k and N_k
+// Where u_k is tied (a tissue whose tangential part isn't identifiable), u_k = alpha0 w_k. T_k and N_k
 // may also be those of a replay linearised about its parameters (coupled.h); the force then has a
 // part that no parameter scales, and a tissue that isn't fitted is held where it is instead of left
 // out.

@@ -1,7 +1,7 @@
 // What the spindle recorded beside the force: its torque, as a check, and its speed, as a model.
 //
 // Droop. A turbine slows down in proportion to its torque, N = N0 (1 - T / tau_s). The torque that
-// the fitted u asks of the bur is T = c / N with c(t) = sum of u_k times the basis' torque at
+// the fitted u implies at the bur is T = c / N with c(t) = sum of u_k times the basis' torque at
 // 1 rev/s, so that
 //
 //   N = N0/2 (1 + sqrt(1 - 4 c / (N0 tau_s)))

@@ -8,7 +8,7 @@
 // -band far outside. On the original's own surface it is 0 to within 2 % of a voxel (the vertices
 // of extract_surface lie on lattice edges, where the trilinear field is linear).
 //
-// A cut shallower than the tolerance can't be told from the original surface. It cuts a strip of
+// A cut shallower than the tolerance looks like the original surface. It cuts a strip of
 // that depth off the rim of every wall, too.
 #pragma once
 

@@ -22,7 +22,7 @@ std::vector<float> distances(const TriangleMesh& from, const LayeredTooth& origi
   std::vector<float> result(from.vertices.size(), NAN);
   tbb::parallel_for(std::size_t{0}, result.size(), [&](std::size_t v) {
     const bool cut = static_cast<double>(depth[v]) > tolerance;
-    // Most vertices lie on the surface of both; the level set tells without a search.
+    // Most vertices lie on the surface of both; the level set gives the distance without a search.
     if (!cut && static_cast<double>(other_depth[v]) > -0.5 * tolerance) return;
     const double d = to.signed_distance(from.vertices[v].cast<double>());
     if (cut || d > tolerance) result[v] = static_cast<float>(d);

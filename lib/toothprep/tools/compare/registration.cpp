@@ -409,7 +409,7 @@ SurfaceRegistration register_surfaces(const Solid& moving, const Solid& fixed,
       equal.begin(), equal.end(),
       [&](const Candidate& a, const Candidate& b) { return amount(a.pose) < amount(b.pose); });
 
-  // A fit that can't match is told from fewer points: what follows only counts them.
+  // A fit that can't match is found with fewer points: what follows only counts them.
   const bool hopeless = chosen.score < 1.7 * options.least_share_if_sharp;
   const auto many = hopeless ? some : samples_of(moving.surface, from.area, options.points);
   const Refined last = refined(fit, many, chosen.pose, 0.2, kLeastScale, options.most_iterations);

@@ -22,7 +22,7 @@
 // Noise. When a solid was resampled or registered, coinciding surfaces differ by some micrometres,
 // and the max(0, ..) of noise is not zero. With `noise` mm > 0 a difference counts only in voxels
 // that have one larger than noise/D among themselves and their 26 neighbours: the cut, not the
-// skin.
+// rest of the surface.
 #pragma once
 
 #include "toothprep/tools/compare/solid.h"
@@ -57,9 +57,9 @@ VolumeComparison compare_volumes(const Solid& original, const Solid& prepared,
 
 // Half width of the 95 % interval of a region's volume, mm³, from the voxel size alone:
 //     0.01 D A + D² L/12 + D³/2,
-// with the skin A = 6 V^(2/3) and the edges L = 12 V^(1/3) of a cube of that volume. The first term
+// with the area A = 6 V^(2/3) and the edges L = 12 V^(1/3) of a cube of that volume. The first term
 // is an allowance for planes at odd angles and for curvature, several times what turned boxes gave;
-// the second is the edges' (above), the third the smallest thing to be told. Not in it: an error of
+// the second is the edges' (above), the third the least detectable volume. Not in it: an error of
 // the scan or of the registration.
 double volume_uncertainty_mm3(double volume_mm3, double voxel);
 

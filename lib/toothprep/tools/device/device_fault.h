@@ -32,7 +32,7 @@ FaultSeverity severity_of(DeviceFault fault) noexcept;
 // One line for the user: what happened and what to do. Static text.
 const char* describe(DeviceFault fault) noexcept;
 
-// Which of two is told when both happen in a tick: the final one; of equals, the later in the list.
+// Which of two counts when both happen in a tick: the final one; of equals, the later in the list.
 DeviceFault worse_of(DeviceFault a, DeviceFault b) noexcept;
 
 }  // namespace toothprep

@@ -1,4 +1,4 @@
-// A haptic device: it tells where the hand is and pushes back. The one virtual interface of the
+// A haptic device: reads where the hand is and pushes back. The one virtual interface of the
 // toolkit, so that a session runs on a Phantom and on the simulated one alike.
 //
 // The device owns the clock. Once started it calls its client at its servo rate, on a thread of its
@@ -34,15 +34,15 @@ struct DeviceIdentity {
   std::string model;     // "PHANTOM Desktop", "Touch", ...
   std::string vendor;    //
   std::string driver;    // driver and library, with versions
-  std::string serial;    // empty: not told
-  std::string firmware;  // empty: not told
+  std::string serial;    // empty: unknown
+  std::string firmware;  // empty: unknown
 };
 
-// As the device tells them. What it doesn't tell, or tells absurdly, is assumed, and said in notes.
+// As the device reports them. A limit that is missing or absurd is assumed, with a note.
 struct DeviceLimits {
   double rate = 0;                  // Hz, of the servo loop
   double max_force = 0;             // N, for short; what is above is clamped, keeping direction
-  double max_continuous_force = 0;  // N, that the motors stand for good
+  double max_continuous_force = 0;  // N, that the motors can hold
   double max_stiffness = 0;         // N/mm, of a stable spring
   double max_damping = 0;           // N·s/mm, of a stable damper
   Eigen::AlignedBox3d workspace;    // mm, frame D

@@ -12,7 +12,7 @@
 namespace toothprep {
 
 // RMS in the unit of the signal. `rate` in Hz. Signals shorter than two periods of the corner, and
-// rate, corner or samples that make no sense, are an Error. The Fourier transform wants lengths of
+// rate, corner or samples that make no sense, are an Error. The Fourier transform needs lengths of
 // small prime factors: from a signal longer than 1000 samples, the last few (1 % at most) may be
 // left out for that.
 double rms_above(const std::vector<double>& signal, double rate, double corner);

@@ -36,7 +36,7 @@ LibHd load_libhd(const std::string& library) {
 
   std::string tried;
   for (const std::string& path : candidates) {
-    // Lazily, since the vendor's libraries want symbols that not every installation has; locally,
+    // Lazily, since the vendor's libraries need symbols that not every installation has; locally,
     // since theirs are none of ours.
     void* const handle = dlopen(path.c_str(), RTLD_LAZY | RTLD_LOCAL);
     if (!handle) {

@@ -20,8 +20,8 @@ using namespace hdapi;
 
 constexpr int kMostErrors = 16;  // popped at once: a driver that never runs dry can't hold us
 
-// What is assumed when a device doesn't tell: the weakest and smallest of the family, so that no
-// device is asked for more than it can.
+// What is assumed when a device doesn't say: the weakest and smallest of the family, so that no
+// device is driven beyond its limits.
 constexpr double kAssumedRate = 1000;             // Hz
 constexpr double kAssumedForce = 3.3;             // N
 constexpr double kAssumedContinuousForce = 0.88;  // N
@@ -160,7 +160,7 @@ class OpenDevice {
   const DeviceIdentity& identity() const noexcept { return identity_; }
   void make_current() const noexcept { driver_->hdMakeCurrentDevice(handle_); }
 
-  // Asks, takes what the driver has to offer, and asks again. A reset of the encoders is left to
+  // Checks, takes what the driver offers, and checks again. A reset of the encoders is left to
   // the user: it is right only while the arm is held in its rest.
   Calibration calibration() const {
     make_current();
@@ -175,7 +175,7 @@ class OpenDevice {
       status = driver_->hdCheckCalibration();
     }
     if (const HDerror code = driver_.take_errors().second; code != HD_SUCCESS)
-      throw Error("openhaptics: " + identity_.name + " does not tell its calibration: " +
+      throw Error("openhaptics: " + identity_.name + " does not report its calibration: " +
                   driver_.name_of(code) + "; check its cable and power, and open it again");
     if (status == HD_CALIBRATION_OK) return Calibration::kOk;
     return status == HD_CALIBRATION_NEEDS_UPDATE ? Calibration::kNeedsUpdate
@@ -210,8 +210,8 @@ class OpenDevice {
     return pose;
   }
 
-  // Inside the first frame, without errors waiting: asks for what not every device has, so that
-  // read() asks only for what this one does. Returns any other fault that this brings up.
+  // Inside the first frame, without errors waiting: reads what not every device has, so that
+  // read() reads only what this one has. Returns any other fault that this brings up.
   DeviceFault find_out_what_it_has(bool orientation) noexcept {
     double transform[16] = {};
     HDboolean held = 0;
@@ -252,16 +252,16 @@ class OpenDevice {
   bool has_transform_ = false, has_safety_switch_ = false;
 };
 
-// As the current device tells; what isn't plausible is assumed, with a note.
+// As the current device reports; what isn't plausible is assumed, with a note.
 DeviceLimits limits_of(const Driver& driver) {
   DeviceLimits limits;
   const auto number = [](double value) { return fmt::format("{:g}", value); };
-  const auto plausible = [&](std::optional<double> told, double low, double high, double assumed,
-                             const char* name, const char* unit) {
-    if (told && *told >= low && *told <= high) return *told;
+  const auto plausible = [&](std::optional<double> reported, double low, double high,
+                             double assumed, const char* name, const char* unit) {
+    if (reported && *reported >= low && *reported <= high) return *reported;
     limits.notes.push_back(
         std::string(name) + ": assumed " + number(assumed) + " " + unit +
-        (told ? ", the device says " + number(*told) : ", the device says none"));
+        (reported ? ", the device says " + number(*reported) : ", the device says none"));
     return assumed;
   };
   // The rate is an integer; some drivers give it as a double only.
@@ -279,10 +279,10 @@ DeviceLimits limits_of(const Driver& driver) {
                                  "maximum damping", "N*s/mm");
   double box[6] = {};
   driver->hdGetDoublev(HD_USABLE_WORKSPACE_DIMENSIONS, box);
-  const bool told = driver.take_errors().second == HD_SUCCESS;
+  const bool reported = driver.take_errors().second == HD_SUCCESS;
   const Vec3 low(box[0], box[1], box[2]), high(box[3], box[4], box[5]);
   const Vec3 size = high - low;
-  if (told && size.allFinite() && size.minCoeff() >= 10 && size.maxCoeff() <= 3000) {
+  if (reported && size.allFinite() && size.minCoeff() >= 10 && size.maxCoeff() <= 3000) {
     limits.workspace = Eigen::AlignedBox3d(low, high);
   } else {
     limits.workspace = Eigen::AlignedBox3d(-kAssumedWorkspace, kAssumedWorkspace);

@@ -20,7 +20,7 @@ struct OpenHapticsSettings {
   double zero_force_wait = 0.2;  // s, the longest that stop() waits for a tick of zero force
 };
 
-// Opens the device (or both), asks for its limits, and leaves the force off. One at a time per
+// Opens the device (or both), reads its limits, and leaves the force off. One at a time per
 // process, since the driver has one servo loop. Throws Error for a library that can't be opened and
 // for a device that the driver doesn't open, with the driver's reason.
 std::unique_ptr<HapticDevice> open_openhaptics(const OpenHapticsSettings& settings = {});

@@ -152,7 +152,7 @@ void Servo::report(DeviceFault fault) noexcept {
 
 void Servo::record(DeviceFault fault) noexcept {
   if (fault == DeviceFault::kNone) return;
-  if (state_ == ServoState::kFaulted) return;  // the first final fault is the one to tell
+  if (state_ == ServoState::kFaulted) return;  // the first final fault is reported
   last_fault_ = fault;
   if (fault != current_) faults_ = faults_ + 1;
   if (severity_of(fault) == FaultSeverity::kFinal) {

@@ -32,7 +32,7 @@ class Servo {
                   DeviceFault fault) noexcept;
   void end_tick() noexcept;
 
-  // A fault found outside begin_tick. It is told at once and acts on the next tick.
+  // A fault found outside begin_tick. It is reported at once and acts on the next tick.
   void report(DeviceFault fault) noexcept;
   void note_driver_code(std::uint32_t code) noexcept { driver_code_ = code; }
 
@@ -43,7 +43,7 @@ class Servo {
   void closed() noexcept;
 
   bool running() const noexcept { return state_ == ServoState::kRunning; }
-  // Whether a ramp begins with this tick, so that a driver may be told to allow forces again.
+  // Whether a ramp begins with this tick, so that the driver can be made to allow forces again.
   bool recovering() const noexcept { return recovering_; }
   bool in_tick_on_this_thread() const noexcept;
   DeviceStatus status() const noexcept;
@@ -63,7 +63,7 @@ class Servo {
   Vec3 last_force_ = Vec3::Zero();
   DeviceFault pending_ = DeviceFault::kNone, current_ = DeviceFault::kNone;
 
-  // Told to other threads.
+  // Read by other threads.
   std::atomic<ServoState> state_ = ServoState::kIdle;
   std::atomic<bool> closing_ = false, sent_zero_ = false;
   std::atomic<std::int64_t> ticks_ = 0, faults_ = 0, clamped_ = 0, missed_ = 0;

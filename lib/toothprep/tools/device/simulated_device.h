@@ -23,7 +23,7 @@ struct SimulatedSettings {
   Disturbances disturbances;
   bool real_time = true;
   double ramp = 0.25;              // s, of the force after a start or a fault; 0: none
-  double continuous_force = 1.75;  // N, as told in the limits; the Desktop's as usually quoted
+  double continuous_force = 1.75;  // N, for the limits; the Desktop's as usually quoted
 };
 
 class SimulatedDevice final : public HapticDevice {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kCorner = 20;   // Hz: above it lies no voluntary motion
 constexpr double kWindow = 0.1;  // s
-constexpr double kWarm = 0.9;    // of the heat that is allowed for good
+constexpr double kWarm = 0.9;    // of the continuous limit
 
 }  // namespace
 

@@ -4,19 +4,19 @@
 //                                                        -> vibration watch
 //
 //   F' = s F                           s grows from 0 to 1 over `ramp` from the start
-//   |F| <= F_hot                       while the motors' heat is above what they stand for good
+//   |F| <= F_hot                       while the heat is above the continuous limit
 //   |F| <= F_max                       direction kept
 //   |F(n) - F(n-1)| <= R T             along the straight way to the new force
 //
 // Heat is the first-order model of a winding, h' = (|F|² - h)/tau with h in N²: at a constant force
-// F it tends to F², so that h <= F_cont² is what the motors stand for good. From 90 % of that on
+// F it tends to F², so that h <= F_cont² is the continuous limit. From 90 % of that on
 // the allowed force falls linearly to F_cont, at 100 %.
 //
-// The vibration watch tells an unstable loop from grinding: the running RMS, over about 0.1 s, of
+// The vibration watch separates an unstable loop from grinding: the running RMS, over about 0.1 s, of
 // the force above 20 Hz (a first-order high-pass). A force that rises by 3 N within one tick and
-// stays gives 0.6 N for a moment; a loop at its limit cycle gives several N for good. Above
+// stays gives 0.6 N for a moment; a loop at its limit cycle gives several N throughout. Above
 // `vibration_limit` for `vibration_time` the session has to stop: every later force is zero. It
-// looks at the force before the rate limit, which would turn an unstable loop into a rattling one.
+// looks at the force before the rate limit, which would hide most of an unstable loop's amplitude.
 //
 //   symbol   here                  unit    default
 //   F_max    max_force             N       the device's
@@ -58,7 +58,7 @@ class ForceGovernor {
 
   bool vibrates() const noexcept { return vibrates_; }  // and from then on all forces are zero
   double vibration_rms() const noexcept;                // N
-  double heat() const noexcept;                         // of what is allowed for good: 1 is full
+  double heat() const noexcept;                         // of the continuous limit: 1 is full
 
  private:
   void watch(const Vec3& force) noexcept;

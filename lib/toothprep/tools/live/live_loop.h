@@ -40,7 +40,7 @@ class LiveLoop final : public ServoClient {
   // `sink` may be nullptr. Throws Error as ForceGovernor does.
   LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink);
 
-  // What the device told first; empty until then.
+  // The device's first pose; empty until then.
   std::optional<DevicePose> first_pose() const noexcept;
 
   // From the next tick on it steps `session`, which must live until the device has stopped. With

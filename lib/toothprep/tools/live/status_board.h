@@ -19,7 +19,7 @@ struct LiveStatus {
   double torque = 0;                      // N·mm
   bool stalled = false, running = false;  // the bur's motor
   PerTissue<double> removed{};            // mm³
-  double heat = 0;                        // of the motors', 1: all that they stand for good
+  double heat = 0;                        // of the motors, 1: the continuous limit
   bool vibrates = false;                  // the governor has switched the force off
   double longest_step = 0;                // s of CPU time
 };

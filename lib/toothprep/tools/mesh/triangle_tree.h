@@ -5,7 +5,7 @@
 // computed in double precision from the mesh's vertices. Nearest distances are good to 1e-12 mm or
 // so. A ray whose way past an edge is closer than about 1e-6 of the mesh's size may be said to meet
 // it; it can't slip through between two triangles. Which of several triangles met or near equally
-// is told doesn't depend on the tree: the one that comes first in the mesh.
+// is returned doesn't depend on the tree: the one that comes first in the mesh.
 #pragma once
 
 #include <array>
@@ -26,7 +26,7 @@ struct SurfacePoint {
   Vec3 weights = Vec3(1, 0, 0);  // barycentric: the point is the sum of weights * corners
 };
 
-// Immutable after construction, so that any number of threads may ask.
+// Immutable after construction, so that any number of threads may query it.
 class TriangleTree {
  public:
   // Copies what it needs of the mesh; vertices at the same place count as one. Throws Error for a

@@ -1,4 +1,4 @@
-// The cut surface as facets with their neighbours: what floors and walls are told apart on.
+// The cut surface as facets with their neighbours: what floors and walls are distinguished on.
 #pragma once
 
 #include <cstdint>

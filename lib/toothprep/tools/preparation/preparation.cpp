@@ -518,7 +518,7 @@ void draw_sections(Bench& bench, const TriangleMesh* target) {
 }
 
 // Depths of the prepared surface inside the original; 0 on a neighbouring tooth (what a layered
-// tooth calls `other`). A groove in that is damage, told by its volume, and no wall or floor of the
+// tooth calls `other`). A groove in that is damage, given by its volume, and no wall or floor of the
 // preparation.
 std::vector<float> depth_of_cut(const TriangleMesh& surface, const LayeredTooth& original) {
   std::vector<float> depth = depth_inside(surface, original);

@@ -37,7 +37,7 @@ struct PreparationOptions {
   // Directions in W, any length. What isn't given is read from the original's metadata
   // (`axis_occlusal`, `axis_mesial`, `axis_buccal`: "x y z"), or else found from the cut.
   std::optional<Vec3> occlusal, mesial, buccal;
-  // An undercut shallower than this isn't told, mm. Scans and burs leave ripples that a bare test
+  // An undercut shallower than this is ignored, mm. Scans and burs leave ripples that a bare test
   // of normals takes for undercuts.
   double undercut_threshold = 0.03;
   // How deep in the original the prepared surface counts as cut, mm; 0: a tenth of a voxel.

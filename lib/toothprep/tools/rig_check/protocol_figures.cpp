@@ -24,7 +24,7 @@ double protocol_time(const SessionRecording& r, std::size_t row) {
 // The force that answers the reading of `row`, as it was sent.
 const Vec3& answer(const SessionRecording& r, std::size_t row) { return r.force_sent[row + 1]; }
 
-// Of a signal too short to tell 20 Hz: about its mean.
+// Of a signal too short to resolve 20 Hz: about its mean.
 double rms_of_axes(const std::vector<Vec3>& forces, double rate) {
   double sum = 0;
   if (static_cast<double>(forces.size()) * kVibrationCorner < 2 * rate) {

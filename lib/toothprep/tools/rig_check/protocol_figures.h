@@ -34,7 +34,7 @@ Measured<StepFigures> step_figures(const SessionRecording& recording, const Prot
 //                                   k D/sqrt(12), when counts come faster
 //                  v is without vibration: of means over 50 ms
 //   stable         else
-//   not exercised  it told nothing: no force, or a damper moved more slowly than
+//   not exercised  it showed nothing: no force, or a damper moved more slowly than
 //                  exercise_speed_mm_s
 //   not run        fewer than half of its ticks are there
 enum class LevelVerdict { kStable, kVibrates, kUnstable, kNotExercised, kNotRun };

@@ -1,4 +1,4 @@
-// What a recording tells about the rig it was made on: pure functions, a struct of figures each.
+// The figures of a recording and of its rig: pure functions, a struct of figures each.
 //
 //   symbol   meaning                                                  unit
 //   T        nominal period, 1/header.rate_hz                         s
@@ -144,7 +144,7 @@ struct FaultFigures {
 std::vector<FaultFigures> fault_events(const SessionRecording& recording);  // those that happened
 
 // The bur behind the handle, |P_H - P|, in coupled drive. By the coupling's law
-// F_VC = k (P_H - P) + b (v_H - v) the recorded force tells it once more; the residual is the
+// F_VC = k (P_H - P) + b (v_H - v) the recorded force gives it once more; the residual is the
 // largest norm of the difference over k. Without b the lag is F/k.
 struct LagFigures {
   double mean = 0, largest = 0, largest_at = 0;  // mm, mm, s
@@ -187,7 +187,7 @@ Measured<BurPortFigures> bur_port_figures(const SessionRecording& recording,
 // force that would heat as much. Load: that over the continuous force of the device.
 struct ThermalFigures {
   double rms = 0, worst_window_rms = 0, model_force = 0, peak_force = 0;  // N
-  double load = 0;  // 1; NaN if the device tells no continuous force
+  double load = 0;  // 1; NaN if the device states no continuous force
 };
 Measured<ThermalFigures> thermal_figures(const SessionRecording& recording,
                                          const RigMethod& method);

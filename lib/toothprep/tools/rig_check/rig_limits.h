@@ -16,7 +16,7 @@ struct RigLimit {
   std::string why;  // where it comes from, or what goes wrong beyond it
 };
 
-// What theory needs to know of a device and the device doesn't tell.
+// What theory needs to know of a device and the device doesn't report.
 struct DeviceTraits {
   std::string name;
   std::vector<std::string> models;  // a model whose name holds one of these, in any case

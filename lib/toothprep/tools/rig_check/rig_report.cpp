@@ -68,7 +68,7 @@ const std::vector<RigFigure>& rig_catalogue() {
       {"coupling_limit_hand_n_per_mm", "stability", "N/mm", "limit of k, with a light grip"},
       {"coupling_limit_friction_n_per_mm", "stability", "N/mm", "limit of k, friction 2 f_c/D"},
       {"coupling_margin", "stability", "1", "margin: larger of these two over k"},
-      {"device_stiffness_margin", "stability", "1", "limit that the device tells over k"},
+      {"device_stiffness_margin", "stability", "1", "limit that the device states over k"},
       {"tooth_damping_n_s_per_m", "stability", "N s/m", "damping of the tooth, median"},
       {"direct_limit_linear_n_s_per_m", "stability", "N s/m", "direct limit, mass and delay"},
       {"direct_limit_counts_n_s_per_m", "stability", "N s/m", "direct limit, counts m v/D"},
@@ -94,7 +94,7 @@ const std::vector<RigFigure>& rig_catalogue() {
       {"stiffness_first_unstable_n_per_mm", "sweeps", "N/mm", "first unstable level"},
       {"damping_last_stable_n_s_per_m", "sweeps", "N s/m", "last stable level"},
       {"damping_first_unstable_n_s_per_m", "sweeps", "N s/m", "first unstable level"},
-      {"wall_stiffness_ratio", "wall", "1", "stiffness felt over that asked for"},
+      {"wall_stiffness_ratio", "wall", "1", "stiffness measured over that commanded"},
       {"wall_penetration_mm", "wall", "mm", "largest penetration"},
       {"wall_penetration_theory_mm", "wall", "mm", "the force there over k"},
       {"wall_vibration_rms_n", "wall", "N", "force above 20 Hz in contact, rms"},
@@ -277,7 +277,7 @@ void put_stability(const SessionRecording& r, const Parameters& p, const RigLimi
   else if (r.header.max_stiffness_n_per_mm > 0)
     v.set("device_stiffness_margin", r.header.max_stiffness_n_per_mm / p.coupling.stiffness);
   else
-    v.no("the device tells no limit of stiffness", {"device_stiffness_margin"});
+    v.no("the device states no limit of stiffness", {"device_stiffness_margin"});
   const auto f = stability_figures(r, p, device, limits.method);
   if (!f) {
     v.no(f.why_not,
@@ -324,7 +324,7 @@ void put_motors(const SessionRecording& r, const RigMethod& method, Values& v) {
     v.set("thermal_force_n", f->model_force,
           fmt::format("time constant {:.3g} s", method.thermal_time_constant_s));
     v.set("thermal_load", f->load,
-          std::isfinite(f->load) ? "" : "the device tells no continuous force");
+          std::isfinite(f->load) ? "" : "the device states no continuous force");
   } else {
     v.no(f.why_not,
          {"force_peak_n", "force_rms_n", "force_rms_window_n", "thermal_force_n", "thermal_load"});
@@ -411,7 +411,7 @@ void put_protocol(const SessionRecording& r, const RigMethod& method, Values& v,
   }
 }
 
-// What a check brings about on purpose is told, not judged: a step pushes the hand, and a sweep
+// What a check brings about on purpose is reported, not judged: a step pushes the hand, and a sweep
 // goes on until the device vibrates.
 bool provoked(const std::optional<Protocol>& protocol, const std::string& key) {
   if (!protocol || protocol->kind == ProtocolKind::kRest || protocol->kind == ProtocolKind::kWall)

@@ -25,7 +25,7 @@ enum class RigVerdict {
   kPass,
   kFail,
   kNotMeasured,  // `why_not` says why
-  kNoLimit       // told only
+  kNoLimit       // reported only
 };
 const char* name_of(RigVerdict verdict) noexcept;
 

@@ -1,4 +1,4 @@
-// ITK's readers and writers of the formats that we take, without their chatter. For this module's own
+// ITK's readers and writers of the formats that are taken, without their messages. For this module's own
 // .cpp files.
 #pragma once
 

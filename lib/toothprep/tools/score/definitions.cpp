@@ -13,7 +13,7 @@ constexpr const char* kGoodacre = "Goodacre et al., J Prosthet Dent 2001;85:363-
 constexpr const char* kSturdevant = "Class I and II preparation as taught after Sturdevant";
 constexpr const char* kClass2 = "1.25-1.5 mm on molars (Class II laboratory sheets)";
 constexpr const char* kCompare =
-    "the measure of Compare (E4D); a tolerance of 0.2 mm told depths of 1.0, 1.5 and 2.0 mm apart";
+    "the measure of Compare (E4D); a tolerance of 0.2 mm separated depths of 1.0, 1.5 and 2.0 mm";
 constexpr const char* kSae = "as in Sci Rep 2023;13:11847 (computational geometry of preparations)";
 constexpr const char* kRecording = "the recording, by its rows";
 constexpr const char* kBuilt = "by construction";

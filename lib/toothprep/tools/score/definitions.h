@@ -21,7 +21,7 @@ struct QuantityDefinition {
   std::string source;                // citation, or "by construction", ...; may be empty
 };
 
-// In the order in which they are told.
+// In the order in which they are reported.
 const std::vector<QuantityDefinition>& quantity_definitions();
 
 // Of a full key ("removed_mm3.enamel"); nullptr: not in the table.

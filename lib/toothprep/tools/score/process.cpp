@@ -135,36 +135,36 @@ ProcessFigures process_figures(const std::vector<StepRecord>& rows, const Proces
 
   const double time = rows.back().handle.time - rows.front().handle.time;
   ProcessFigures result;
-  const auto tell = [&](const std::string& name, double value) {
+  const auto add = [&](const std::string& name, double value) {
     const std::string key = "process." + name;
     result.quantities.push_back({key, value, NAN, find_definition(key)->unit});
   };
-  tell("time_s", time);
-  tell("contact_time_s", contact_time);
-  tell("cutting_time_s", cutting_time);
-  tell("path_mm", path);
-  tell("path_cutting_mm", path_cutting);
-  tell("mean_speed_mm_s", path / time);
-  if (cutting_time > 0) tell("mean_feed_mm_s", path_cutting / cutting_time);
+  add("time_s", time);
+  add("contact_time_s", contact_time);
+  add("cutting_time_s", cutting_time);
+  add("path_mm", path);
+  add("path_cutting_mm", path_cutting);
+  add("mean_speed_mm_s", path / time);
+  if (cutting_time > 0) add("mean_feed_mm_s", path_cutting / cutting_time);
   if (!forces.empty()) {
-    tell("peak_force_n", largest(forces));
-    tell("force_p95_n", weighted_quantile(forces, 0.95));
-    tell("peak_device_force_n", largest(felt));
-    tell("device_force_p95_n", weighted_quantile(felt, 0.95));
+    add("peak_force_n", largest(forces));
+    add("force_p95_n", weighted_quantile(forces, 0.95));
+    add("peak_device_force_n", largest(felt));
+    add("device_force_p95_n", weighted_quantile(felt, 0.95));
   }
-  tell("time_above_force_limit_s", above_force);
+  add("time_above_force_limit_s", above_force);
   // N·mm is mJ, N·mm/s is mW.
-  if (cutting_time > 0) tell("mean_power_w", units::to_watt(energy / cutting_time));
-  tell("peak_power_w", units::to_watt(peak_power));
-  tell("time_above_power_limit_s", above_power);
-  tell("energy_j", units::to_watt(energy));
-  tell("stalls", stalls);
-  tell("stalled_time_s", stalled_time);
-  tell("pulp_contact_s", pulp_time);
-  tell("neighbour_contact_s", other_time);
-  tell("max_lag_mm", lag);
-  if (cutting_time > 0) tell("removal_rate_mm3_s", removed_total / cutting_time);
-  tell("contact_episodes", static_cast<double>(contacts.spans().size()));
+  if (cutting_time > 0) add("mean_power_w", units::to_watt(energy / cutting_time));
+  add("peak_power_w", units::to_watt(peak_power));
+  add("time_above_power_limit_s", above_power);
+  add("energy_j", units::to_watt(energy));
+  add("stalls", stalls);
+  add("stalled_time_s", stalled_time);
+  add("pulp_contact_s", pulp_time);
+  add("neighbour_contact_s", other_time);
+  add("max_lag_mm", lag);
+  if (cutting_time > 0) add("removal_rate_mm3_s", removed_total / cutting_time);
+  add("contact_episodes", static_cast<double>(contacts.spans().size()));
 
   for (const Episodes* episodes :
        {&contacts, &stall_spans, &pulp_spans, &other_spans, &force_spans})

@@ -130,8 +130,8 @@ std::string limit_text(double limit, const std::string& unit) {
 }
 
 // A value and a limit that it is not, with the same decimals, and so many that they differ.
-std::pair<std::string, std::string> told_apart(double value, double limit,
-                                               const std::string& unit) {
+std::pair<std::string, std::string> distinct_texts(double value, double limit,
+                                                   const std::string& unit) {
   std::optional<int> digits = digits_for(limit, unit);
   std::pair texts(value_text(value, unit, digits), value_text(limit, unit, digits));
   for (digits = digits.value_or(1); texts.first == texts.second && *digits <= kMostDigits;
@@ -151,7 +151,7 @@ std::string reason_of(const CriterionResult& r, const std::string& name) {
   const bool low = x < c.ideal.low;
   const bool outside = r.verdict == CriterionVerdict::kOutside;
   const Range& missed = r.failed ? *c.hard_fail : outside ? c.tolerated : c.ideal;
-  const auto [value, limit] = told_apart(x, low ? missed.low : missed.high, c.unit);
+  const auto [value, limit] = distinct_texts(x, low ? missed.low : missed.high, c.unit);
   std::string text = name + is + value;
   if (c.unit == "yes/no") {
     text += ", must be " + range_text(c.ideal, c.unit);

@@ -44,7 +44,7 @@ std::string fact(const std::string& name, const std::string& markup) {
 
 std::string uncertainty_text(double u, const std::string& unit) {
   if (!std::isfinite(u) || unit == "yes/no") return {};
-  // An uncertainty that rounds to nothing is told with the digits that it needs.
+  // An uncertainty that rounds to nothing is written with the digits that it needs.
   for (int digits = -1; digits < 7; ++digits) {
     const std::string text = digits < 0 ? value_text(u, unit) : value_text(u, unit, digits);
     if (u == 0 || text.find_first_of("123456789") < text.find_first_of(" °")) return "±" + text;

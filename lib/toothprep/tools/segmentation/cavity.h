@@ -1,4 +1,4 @@
-// The dark cavity inside a tooth: pulp chamber and canals, told from the outside by connectivity.
+// The dark cavity inside a tooth: pulp chamber and canals, found by connectivity.
 #pragma once
 
 #include <vector>
@@ -11,7 +11,7 @@ namespace toothprep {
 
 struct Cavity {
   Mask mask;           // empty if there is none
-  double ball = 0;     // radius of the ball that told inside from outside, voxels
+  double ball = 0;     // radius of the ball that separated inside from outside, voxels
   Field from_outside;  // distance to where this ball's centre comes from the outside, voxels
   double grey = 0;     // typical value in it
   double border = 0;   // grey of its border: half-way to dentin

@@ -20,7 +20,7 @@ namespace toothprep {
 struct GreyHints {
   // Borders surroundings|dentin and dentin|enamel, taken as they are.
   std::optional<std::array<double, 2>> thresholds;
-  // Borders pulp|dentin and dentin|enamel of scans of this kind: they tell the classes apart, the
+  // Borders pulp|dentin and dentin|enamel of scans of this kind: they separate the classes, the
   // borders themselves are measured.
   std::optional<std::array<double, 2>> typical;
   // Of several teeth: by volume (1 is the largest), or at a place (mm, W).
@@ -58,7 +58,7 @@ struct GreyClasses {
 // How many voxels of a scan along each axis make one of the means below.
 Index3 block_for_classes(const Index3& scan_size);
 
-// `means`: the scan in blocks of `block` voxels. Throws Error if no tooth can be told from its
+// `means`: the scan in blocks of `block` voxels. Throws Error if no tooth can be separated from its
 // surroundings, naming what was found, or if the tooth that is asked for isn't there.
 GreyClasses find_grey_classes(ImageVolume<float> means, const Index3& block,
                               const Index3& scan_size, const GreyHints& hints);

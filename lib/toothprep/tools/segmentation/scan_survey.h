@@ -22,7 +22,7 @@ struct ScanSurvey {
 };
 constexpr std::size_t kManyValues = 9;
 
-// `voxel`: of the tooth, mm. `progress` is told the share that is read.
+// `voxel`: of the tooth, mm. `progress` gets the share that is read.
 ScanSurvey survey(ScanSource& scan, double voxel, const std::function<void(double)>& progress);
 
 // Only the part's greys, in the same blocks: a second pass.

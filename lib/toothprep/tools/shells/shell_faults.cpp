@@ -174,7 +174,7 @@ Turn turns_needed(const Shell& shell, const std::vector<HalfEdge>& edges) {
 }
 
 // CGAL's mesh of the shell, its faces in the same order. Where sheets meet in a single point, each
-// sheet gets a point of its own; `point` tells the shell's point of every vertex.
+// sheet gets a point of its own; `point` is the shell's point of every vertex.
 struct Meshed {
   Mesh mesh;
   std::vector<std::uint32_t> point;

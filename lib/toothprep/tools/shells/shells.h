@@ -65,7 +65,7 @@ struct TissueShell {
 
 struct ShellOptions {
   double voxel = 0.1;  // D, mm
-  // Told what is being done and how much of the whole is done (0..1), now and then.
+  // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
 };
 

@@ -103,7 +103,7 @@ void brick_distances(const std::vector<Triangle>& triangles, const Bins& bins, s
         (to.array() + kBandVoxels).floor().min(double{kBrickEdge - 1}).max(-1.0).cast<int>();
     const Vec3 to_middle = origin - t.middle;
     const double offset = t.normal.dot(origin - t.a);
-    // Most voxels are told too far by the ball around the triangle or by its plane.
+    // Most voxels are found too far by the ball around the triangle or by its plane.
     const double farthest = kBandVoxels * lattice.voxel + t.radius;
     for (int x = low.x(); x <= high.x(); ++x)
       for (int y = low.y(); y <= high.y(); ++y) {
@@ -321,7 +321,7 @@ ShellBox box_of(const Shell& shell) {
 
 LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells, const ShellOptions& options,
                              std::vector<std::string>* notes) {
-  const auto tell = [&](const char* stage, double done) {
+  const auto report = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
   std::vector<const Shell*> shell;
@@ -358,10 +358,10 @@ LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells, const Shell
   std::vector<LevelSet> distance;
   const double parts = static_cast<double>(shell.size()) + 1;
   for (std::size_t s = 0; s < shell.size(); ++s) {
-    tell("measuring distances", static_cast<double>(s) / parts);
+    report("measuring distances", static_cast<double>(s) / parts);
     distance.push_back(signed_distance(*shell[s], lattice, empty));
   }
-  tell("joining the shells", (parts - 1) / parts);
+  report("joining the shells", (parts - 1) / parts);
   Exposed exposed(distance, lattice);
   for (std::size_t s = 0; s < shell.size(); ++s) exposed.add(*shell[s], s);
   const Bins bins = bins_of(exposed.triangles, lattice, empty);
@@ -427,7 +427,7 @@ LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells, const Shell
                          ": nothing of it is left: it lies inside the shells further in, or is "
                          "thinner than a voxel");
   }
-  tell("done", 1);
+  report("done", 1);
   return tooth;
 }
 
