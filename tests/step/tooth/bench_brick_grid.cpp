@@ -66,8 +66,9 @@ struct Scene {
     for (int l = 0; l < up; ++l)
       for (int a = 0; a < around; ++a) {
         const double phi = 2 * units::kPi * (a + 0.5) / around;
-        surface.push_back(lattice.to_index(Vec3(kRadius * std::cos(phi), -1 + kRadius * std::sin(phi),
-                                             kLength * ((l + 0.5) / up - 0.5))));
+        surface.push_back(
+            lattice.to_index(Vec3(kRadius * std::cos(phi), -1 + kRadius * std::sin(phi),
+                                  kLength * ((l + 0.5) / up - 0.5))));
       }
   }
 };
