@@ -461,7 +461,7 @@ SurfaceRegistration register_surfaces(const Solid& moving, const Solid& fixed,
       farthest = std::max(farthest, angle_between(c.pose.orientation, last.pose.orientation));
     result.notes.push_back(
         fmt::format("{} placements fit equally well (up to {:.0f} degrees apart): the shape does "
-                    "not tell which is right; the one that turns least was taken",
+                    "not show which is right; the one that turns least was taken",
                     equal.size(), units::to_degree(farthest)));
   }
   if (last.stiffness_ratio < 1e-4)
