@@ -5,7 +5,7 @@
 - Three rings, lib/toothprep/step, tools and proof: the step needs modules of the step only, the tools nothing of the
   proof; the light modules (CMakeLists.txt) need light modules only.
 - Heavy headers stay in the modules that need them.
-- Every source is built, every module has a README, and no file is large.
+- Every source is built, every module has a README and stands in the layout of the top README, and no file is large.
 - In Markdown every relative link leads to a file, and to a heading where it names one; every path of the tree that
   Markdown, sources or help texts name exists.
 
@@ -162,6 +162,15 @@ def check(root):
             breaches.append(f"{place}/CMakeLists.txt: declares {', '.join(calls) or 'no module'} "
                             f"instead of {folder.name}")
         modules.update(calls)
+
+    readme = root / "README.md"
+    rows = dict(re.findall(r"^\| `(\w+)/` \| ([^|]*) \|", readme.read_text(encoding="utf-8"), re.M)) if readme.is_file() else {}
+    for ring, row in rows.items():
+        listed = set(re.findall(r"\w+", row))
+        there = {name for name, its in ring_of.items() if its == ring}
+        for name in sorted(listed ^ there):
+            breaches.append(f"README.md: the layout of {ring}/ " +
+                            (f"lacks the module {name}" if name in there else f"has {name}, which is no module of it"))
 
     for name, module in sorted(modules.items()):
         for needed in module["MODULES"]:

@@ -58,6 +58,12 @@ class Breaches(unittest.TestCase):
                 "`step/core/a.h`, lib/toothprep/step/core, `tests/RING/MODULE`, `tools/files/f`, `step/core/a.*`\n",
             "lib/toothprep/step/core/a.h": "// see step/core/README.md\n"}), [])
 
+    def test_module_that_the_layout_lacks_or_has_too_many(self):
+        rows = "| `step/` | core, tooth | |\n| `tools/` | files%s | |\n"
+        self.expect({"README.md": rows % ""}, "README.md", "tools/ lacks the module live")
+        self.expect({"README.md": rows % ", live, old"}, "has old, which is no module")
+        self.assertEqual(self.breaches({"README.md": rows % ", live"}), [])
+
     def test_link_to_nowhere(self):
         self.expect({"lib/toothprep/step/core/README.md": "a\n[b](../b.md)"}, "core/README.md:2", "links to ../b.md")
 
