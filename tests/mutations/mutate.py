@@ -214,6 +214,8 @@ def damage(path, random):
             shutil.copy(one, one + "-copy.dcm")
             return "file twice"
         path = one
+    if random.random() < 0.5 and path.endswith((".csv", ".h5")):
+        return (mutations.other_csv if path.endswith(".csv") else mutations.other_hdf5)(path, random)
     with open(path, "rb") as file:
         data = file.read()
     name, data = mutations.mutated(data, random)

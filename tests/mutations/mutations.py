@@ -128,6 +128,75 @@ WEIGHTS_OF_TEXT = {"number as text": 8, "line": 4, "unit": 3, "bit flip": 2, "bi
 WEIGHTS_OF_BINARY = {"number as text": 2, "bit flip": 4, "binary number": 4, "run of bytes": 2, "empty": 0.2, "line": 0.5}
 
 
+# ---- Tables, changed in what they say rather than in their bytes
+
+def other_values(values, random):
+    """(what was done, a column's values with it): what a wrong unit, clock or sensor makes of a recording."""
+    import numpy as np
+    values = np.array(values, dtype=float)
+    at = random.randrange(len(values))
+    what = random.choice(("times 1000", "divided by 1000", "one sample huge", "one sample not a number", "turned",
+                          "constant", "one sample repeated", "jittered"))
+    if what == "times 1000":
+        values *= 1000
+    elif what == "divided by 1000":
+        values /= 1000
+    elif what == "one sample huge":
+        values[at] = random.choice((1e20, -1e6, 1e4))
+    elif what == "one sample not a number":
+        values[at] = np.nan
+    elif what == "turned":
+        values = -values
+    elif what == "constant":
+        values[:] = values[at]
+    elif what == "one sample repeated":
+        values[at] = values[at - 1]
+    else:
+        values += np.random.default_rng(random.randrange(1 << 30)).normal(0, np.abs(values).max() / 20, values.shape)
+    return what, values
+
+
+def other_csv(path, random):
+    with open(path, encoding="ascii") as file:
+        rows = [line.split(",") for line in file.read().splitlines()]
+    column = random.randrange(len(rows[0]))
+    what, values = other_values([float(row[column]) for row in rows[1:]], random)
+    for row, value in zip(rows[1:], values):
+        row[column] = f"{value:.9g}"
+    with open(path, "w", encoding="ascii") as file:
+        file.write("".join(",".join(row) + "\n" for row in rows))
+    return "column: " + what
+
+
+def other_hdf5(path, random):
+    """A column's values, or the unit that it says, or the whole of it gone."""
+    import h5py
+    import numpy as np
+    with h5py.File(path, "r+") as file:
+        names = []
+        file.visititems(lambda name, thing: names.append(name) if isinstance(thing, h5py.Dataset) else None)
+        name = random.choice(sorted(names))
+        data = file[name]
+        what = random.random()
+        if what < 0.1:
+            del file[name]
+            return "column: gone"
+        if what < 0.2:
+            data.attrs["units"] = random.choice(("m", "ms", "mN", "inch", ""))
+            return "column: other unit"
+        values = data[...]
+        if values.ndim == 1:
+            what, new = other_values(values, random)
+        else:
+            column = random.randrange(values.shape[1])
+            what, changed = other_values(values[:, column], random)
+            new = values.astype(float)
+            new[:, column] = changed
+        with np.errstate(invalid="ignore"):  # not a number, as an integer
+            data[...] = new.astype(data.dtype)
+    return "column: " + what
+
+
 def mutated(data, random):
     """(name of the mutation, other bytes)."""
     if not data:
