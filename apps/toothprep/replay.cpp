@@ -49,6 +49,8 @@ nlohmann::ordered_json report_json(const ReplayResult& r, const Trace& trace, co
   j["largest_lag_mm"] = r.totals.largest_lag;
   j["stalled_steps"] = r.totals.stalled_steps;
   j["stall_onsets"] = r.totals.stall_onsets;
+  j["split_steps"] = r.totals.split_steps;
+  j["split_steps_cut_short"] = r.totals.split_steps_cut_short;
   j["contact_steps"] = r.totals.contact_steps;
   j["shank_contact_steps"] = r.totals.shank_contact_steps;
   double overlap = 0;
@@ -125,6 +127,11 @@ void run(const Options& o, const Common& common) {
         fmt::format("direct drive needed more than the stall torque in {} steps: nothing was "
                     "removed there, force and torque are scaled to the limit",
                     t.stalled_steps));
+  if (t.split_steps_cut_short > 0)
+    warn(fmt::format(
+        "the bur was so fast in {} steps that they went in fewer parts than a third of a voxel "
+        "each: work and removal may disagree there; move the handle more slowly",
+        t.split_steps_cut_short));
   if (t.shank_contact_steps > 0)
     warn(fmt::format("the shank touched the tooth in {} steps; it neither grinds nor removes",
                      t.shank_contact_steps));

@@ -1,18 +1,46 @@
-// Counts the calls of global operator new. It replaces the global operators: for a program of its
+// Counts allocations by whatever way: malloc, calloc, realloc and the aligned ones, hence operator
+// new, Eigen and growing pools too. It takes the place of glibc's functions: for a program of its
 // own, included once, and not with the sanitizers, which bring their own.
 #pragma once
 
-#include <cstdlib>
-#include <new>
+#include <atomic>
+#include <cerrno>
+#include <cstddef>
 
 namespace toothprep::testing {
-inline long allocations = 0;
-}
+inline std::atomic<long> allocations = 0;       // of all threads
+inline thread_local long allocations_here = 0;  // of the calling thread
+}  // namespace toothprep::testing
 
-void* operator new(std::size_t size) {
-  ++toothprep::testing::allocations;
-  if (void* p = std::malloc(size)) return p;
-  throw std::bad_alloc();
+extern "C" {
+void* __libc_malloc(std::size_t size);
+void* __libc_calloc(std::size_t count, std::size_t size);
+void* __libc_realloc(void* p, std::size_t size);
+void* __libc_memalign(std::size_t alignment, std::size_t size);
+
+static void count_one() {
+  toothprep::testing::allocations.fetch_add(1, std::memory_order_relaxed);
+  ++toothprep::testing::allocations_here;
 }
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void* malloc(std::size_t size) {
+  count_one();
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t count, std::size_t size) {
+  count_one();
+  return __libc_calloc(count, size);
+}
+void* realloc(void* p, std::size_t size) {
+  count_one();
+  return __libc_realloc(p, size);
+}
+void* memalign(std::size_t alignment, std::size_t size) {
+  count_one();
+  return __libc_memalign(alignment, size);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t size) { return memalign(alignment, size); }
+int posix_memalign(void** p, std::size_t alignment, std::size_t size) {
+  *p = memalign(alignment, size);
+  return *p ? 0 : ENOMEM;
+}
+}

@@ -22,6 +22,7 @@ UNITS = {  # dataset: (columns, unit)
     "/power": (0, "W"),
     "/rotation_rate": (0, "rev/s"),
     "/stalled": (0, "1"),
+    "/stalled_fraction": (0, "1"),
     "/contact/area": (4, "mm^2"),
     "/contact/shank_area": (0, "mm^2"),
     "/removed/volume": (4, "mm^3"),

@@ -82,6 +82,7 @@ inline LiveTick synthetic_tick(std::int64_t i, bool mirror = false) {
   r.rotation_rate = 100 + wave;
   r.power = 6.28 * x;
   r.stalled = i % 5 == 4;
+  r.stalled_fraction = r.stalled ? 0.25 * (1 + i % 4) : 0;
   r.contact_area = {wave, 2 * wave, 3 * wave, 4 * wave};
   r.removed_volume = {x, 2 * x, 3 * x, 4 * x};
   r.shank_contact_area = 3e-3 * x;

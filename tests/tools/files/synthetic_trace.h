@@ -34,6 +34,7 @@ inline Trace synthetic_trace(int rows) {
     row.bur.position = row.handle.pose.position + Vec3(0.05, 3 * depth * (s < 0.8), 0.02);
     row.bur.orientation = Quat(Eigen::AngleAxisd(0.2, Vec3(3, 1, 2).normalized()));
     row.stalled = i > 0 && s > 0.62 && s < 0.74;
+    row.stalled_fraction = row.stalled ? (s < 0.63 ? 0.125 : 1) : 0;
     row.bur_velocity = row.stalled ? Vec3(0, 0, 0) : Vec3(0.001 * wave, -0.5 * depth, 1e-5 * i);
     if (i > 0) {
       const double hard = s < 0.45 ? 1.0 : 1.0 / 3.0;

@@ -18,12 +18,12 @@ TEST(SessionRecorder, PushAllocatesNothing) {
   LiveTick tick = testing::synthetic_tick(0);
   long fewest = std::numeric_limits<long>::max();
   for (int batch = 0; batch < 5; ++batch) {  // more than the ring holds
-    const long before = testing::allocations;
+    const long before = testing::allocations_here;
     for (int i = 0; i < 1000; ++i) {
       tick.row.handle.time += testing::kStep;
       recorder.push(tick);
     }
-    fewest = std::min(fewest, testing::allocations - before);
+    fewest = std::min(fewest, testing::allocations_here - before);
   }
   EXPECT_EQ(fewest, 0);
   EXPECT_GT(recorder.dropped(), 0);

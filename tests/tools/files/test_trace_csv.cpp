@@ -56,6 +56,7 @@ TEST(TraceCsv, EveryColumnReadsBackAsTheSameDoubleUnderItsNameAndUnit) {
     ASSERT_DOUBLE_EQ(value.at("power_W"), row.power / 1000);
     ASSERT_EQ(value.at("rotation_rate_rev_s"), row.rotation_rate);
     ASSERT_EQ(value.at("stalled"), row.stalled);
+    ASSERT_EQ(value.at("stalled_fraction"), row.stalled_fraction);
     ASSERT_EQ(value.at("contact_enamel_mm2"), row.contact_area[0]);
     ASSERT_EQ(value.at("contact_other_mm2"), row.contact_area[3]);
     ASSERT_EQ(value.at("contact_shank_mm2"), row.shank_contact_area);

@@ -60,6 +60,7 @@ void expect_same_rows(const Trace& a, const Trace& b) {
     ASSERT_DOUBLE_EQ(x.power, y.power);  // N.mm/s against W: a conversion rounds
     ASSERT_EQ(x.rotation_rate, y.rotation_rate);
     ASSERT_EQ(x.stalled, y.stalled);
+    ASSERT_EQ(x.stalled_fraction, y.stalled_fraction);
     ASSERT_EQ(x.contact_area, y.contact_area);
     ASSERT_EQ(x.removed_volume, y.removed_volume);
     ASSERT_EQ(x.shank_contact_area, y.shank_contact_area);

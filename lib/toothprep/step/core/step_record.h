@@ -28,7 +28,8 @@ struct StepRecord {
   double torque_trial = 0;             // N·mm, what the stall was judged on
   double power = 0;                    // N·mm/s, 2 pi N T_z
   double rotation_rate = 0;            // rev/s
-  bool stalled = false;
+  bool stalled = false;                // in any part of the step
+  double stalled_fraction = 0;         // of the step's time: between 0 and 1 if the step was split
   PerTissue<double> contact_area{};    // mm², advancing
   PerTissue<double> removed_volume{};  // mm³, cumulative
   double shank_contact_area = 0;       // mm², reported only: the shank does not grind

@@ -146,7 +146,16 @@ std::vector<TraceColumn> make_columns() {
                false,
                {"stalled"},
                [](const S& r, double* v) { *v = r.stalled ? 1 : 0; },
-               [](S& r, const double* v) { r.stalled = *v != 0; }});
+               [](S& r, const double* v) { r.stalled_fraction = r.stalled = *v != 0; }});
+  c.push_back({"/stalled_fraction",
+               "1",
+               1,
+               real,
+               false,  // absent in traces of version 0.1, where a step was stalled as a whole
+               false,
+               {"stalled_fraction"},
+               get_number<&S::stalled_fraction>,
+               set_number<&S::stalled_fraction>});
   c.push_back({"/contact/area", "mm^2", kTissueCount, real, true, true, tissues("contact", "_mm2"),
                get_tissues<&S::contact_area>, set_tissues<&S::contact_area>});
   c.push_back({"/contact/shank_area",
