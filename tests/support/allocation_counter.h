@@ -22,24 +22,26 @@ static void count_one() {
   toothprep::testing::allocations.fetch_add(1, std::memory_order_relaxed);
   ++toothprep::testing::allocations_here;
 }
-void* malloc(std::size_t size) {
+void* malloc(std::size_t size) noexcept {
   count_one();
   return __libc_malloc(size);
 }
-void* calloc(std::size_t count, std::size_t size) {
+void* calloc(std::size_t count, std::size_t size) noexcept {
   count_one();
   return __libc_calloc(count, size);
 }
-void* realloc(void* p, std::size_t size) {
+void* realloc(void* p, std::size_t size) noexcept {
   count_one();
   return __libc_realloc(p, size);
 }
-void* memalign(std::size_t alignment, std::size_t size) {
+void* memalign(std::size_t alignment, std::size_t size) noexcept {
   count_one();
   return __libc_memalign(alignment, size);
 }
-void* aligned_alloc(std::size_t alignment, std::size_t size) { return memalign(alignment, size); }
-int posix_memalign(void** p, std::size_t alignment, std::size_t size) {
+void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept {
+  return memalign(alignment, size);
+}
+int posix_memalign(void** p, std::size_t alignment, std::size_t size) noexcept {
   *p = memalign(alignment, size);
   return *p ? 0 : ENOMEM;
 }

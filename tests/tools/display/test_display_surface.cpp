@@ -230,16 +230,36 @@ TEST(DisplaySurface, KeepsUpOnItsOwnThread) {
       s.feed.largest_backlog, 1e3 * s.first_extraction);
 }
 
-TEST(DisplaySurface, CanBeStoppedAndStartedAgain) {
+TEST(DisplaySurface, StoppedAndStartedAgainItGoesOnWhereItWas) {
   const LayeredTooth tooth = slot_block(0.2);
+  const Bur bur = slot_bur();
   Workpiece workpiece(tooth);
+  const auto path = slot_path(kFast);
+  Session session(bur, workpiece, slot_parameters(), Drive::kDirect, path.front());
   DisplaySurface surface(workpiece);
+  std::size_t at = 1;
+  std::uint64_t generation = surface.blocks_since(0).generation;
   for (int i = 0; i < 3; ++i) {
+    // What is cut while the worker is stopped is published once it runs again.
+    for (const std::size_t end = at + path.size() / 4; at < end; ++at) {
+      session.step(path[at]);
+      surface.tick();
+    }
+    while (!workpiece.changed().empty()) surface.tick();
+    EXPECT_EQ(surface.blocks_since(0).generation, generation) << "nobody works while stopped";
     surface.start();
     surface.start();
+    const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (surface.blocks_since(0).generation == generation &&
+           std::chrono::steady_clock::now() < patience)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
     surface.stop();
     surface.stop();
+    EXPECT_GT(surface.blocks_since(0).generation, generation);
+    generation = surface.blocks_since(0).generation;
   }
+  surface.finish();
+  EXPECT_EQ(surface.mesh().triangles, DisplaySurface(workpiece).mesh().triangles);
   surface.start();  // and the destructor ends it
 }
 

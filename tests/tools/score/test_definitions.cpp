@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <map>
+#include <regex>
 #include <set>
 #include <sstream>
 
@@ -73,6 +75,28 @@ TEST(Definitions, ValuesAreWrittenWithTheirUnit) {
 
 TEST(Definitions, AValueOfManyDigitsIsNotCut) {
   EXPECT_EQ(value_text(std::ldexp(1, 300), "mm").size(), 91 + 3 + 3U);  // 2^300 has 91 digits
+}
+
+// Read as a person would: each figure that a score can hold stands in exactly one row of the page,
+// by itself or as a member of a group, with its unit.
+TEST(Definitions, ThePageHasOneRowForEveryFigureWithItsUnit) {
+  std::ifstream in(TOOTHPREP_SOURCE_DIR "/lib/toothprep/tools/score/DEFINITIONS.md");
+  std::map<std::string, std::vector<std::string>> units;  // by key
+  const std::regex row(R"(\| `([a-z0-9_.]+)(\{([^}]*)\})?` \| ([^|]*) \|.*)");
+  for (std::string line; std::getline(in, line);) {
+    std::smatch m;
+    if (!std::regex_match(line, m, row)) continue;
+    if (!m[2].matched) units[m[1]].push_back(m[4]);
+    std::stringstream members(m[3]);
+    for (std::string member; std::getline(members, member, ',');) {
+      member.erase(0, member.find_first_not_of(' '));
+      units[m[1].str() + member].push_back(m[4]);
+    }
+  }
+  for (const std::string& key : known_quantity_keys()) {
+    ASSERT_EQ(units[key].size(), 1u) << key;
+    EXPECT_EQ(units[key][0], find_definition(key)->unit) << key;
+  }
 }
 
 // With TOOTHPREP_WRITE_DEFINITIONS set the page is written instead of compared.

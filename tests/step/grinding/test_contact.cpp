@@ -1,0 +1,73 @@
+// Contact by itself: which elements of the bur's surface are in contact, against areas that can be
+// written down.
+#include <gtest/gtest.h>
+
+#include "../session/experiment.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/step/grinding/contact.h"
+
+namespace toothprep::testing {
+namespace {
+
+constexpr double kRadius = 0.6, kLength = 3, kVoxel = 0.1, kReach = 0.1 * kVoxel;
+
+double total(const PerTissue<double>& v) {
+  double sum = 0;
+  for (const double x : v) sum += x;
+  return sum;
+}
+
+class ContactOfACylinder : public ::testing::Test {
+ protected:
+  // Area of the elements in contact that advance with v (mm/s, upright bur: B is W).
+  PerTissue<double> area(const Vec3& tip, const Vec3& v) {
+    contact_.sample(workpiece_, Pose{tip, Quat::Identity()}, v, Vec3::Zero(), kReach);
+    return contact_.contact().advancing_area(v, Vec3::Zero());
+  }
+  LayeredTooth tooth_ = block(kVoxel, 1, Vec3(6, 4, 6));  // 1 mm enamel over dentin, top y = 0
+  Workpiece workpiece_{tooth_};
+  Bur bur_ = paper_cylinder();
+  ContactModel contact_{bur_, kElementSize, true, paper_without_stall().tissue};
+};
+
+TEST_F(ContactOfACylinder, InAirThereIsNone) {
+  EXPECT_EQ(total(area(Vec3(0, 2, -1.5), Vec3(0, -1, 0))), 0);
+  EXPECT_EQ(contact_.contact().size(), 0);
+}
+
+TEST_F(ContactOfACylinder, InUncutTissueTheLeadingHalfOfTheSideIsInContact) {
+  const PerTissue<double> a = area(Vec3(0, -2, -1.5), Vec3(0, -1, 0));
+  const double half = units::kPi * kRadius * kLength;
+  EXPECT_NEAR(total(a), half, 0.02 * half);
+  EXPECT_EQ(a[0], 0);  // from y = -1.4 down there is dentin only
+}
+
+TEST_F(ContactOfACylinder, WhatLiesAboveTheFreeSurfaceIsNotInContact) {
+  // Along x with the axis in the face: the lower quarter of the side.
+  const double quarter = units::kPi / 2 * kRadius * kLength;
+  EXPECT_NEAR(total(area(Vec3(0, 0, -1.5), Vec3(1, 0, 0))), quarter, 0.02 * quarter);
+}
+
+TEST_F(ContactOfACylinder, TheBorderOfTwoTissuesSharesTheArea) {
+  // Along x with the axis in the border: a quarter of the side in each.
+  const PerTissue<double> a = area(Vec3(0, -1, -1.5), Vec3(1, 0, 0));
+  const double quarter = units::kPi / 2 * kRadius * kLength;
+  EXPECT_NEAR(a[0], quarter, 0.02 * quarter);
+  EXPECT_NEAR(a[1], quarter, 0.02 * quarter);
+}
+
+TEST_F(ContactOfACylinder, PlungingOnlyTheFlatEndAdvances) {
+  const double disc = units::kPi * kRadius * kRadius;
+  EXPECT_NEAR(total(area(Vec3(0, -2, -1.5), Vec3(0, 0, -1))), disc, 0.02 * disc);
+}
+
+TEST_F(ContactOfACylinder, ASampleCoversVelocitiesNearItsOwnAndNoOthers) {
+  area(Vec3(0, -2, -1.5), Vec3(0, -1, 0));
+  EXPECT_TRUE(contact_.covers(Vec3(0, -3, 0)));
+  EXPECT_TRUE(contact_.covers(Vec3(0.1, -1, 0)));  // 6 degrees
+  EXPECT_FALSE(contact_.covers(Vec3(1, -1, 0)));
+  EXPECT_FALSE(contact_.covers(Vec3(0, 1, 0)));
+}
+
+}  // namespace
+}  // namespace toothprep::testing

@@ -1,0 +1,101 @@
+// Removal by itself: what a bur that moves leaves, against volumes that can be written down.
+#include <gtest/gtest.h>
+
+#include "../session/experiment.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/step/grinding/removal.h"
+
+namespace toothprep::testing {
+namespace {
+
+constexpr double kRadius = 0.6, kLength = 3;
+
+double total(const PerTissue<double>& v) {
+  double sum = 0;
+  for (const double x : v) sum += x;
+  return sum;
+}
+Pose at(double x, double y, double z) { return {Vec3(x, y, z), Quat::Identity()}; }
+
+// The block's top face is y = 0; the cylinder stands along z, wholly inside in z.
+class RemovalOfACylinder : public ::testing::Test {
+ protected:
+  LayeredTooth tooth_ = block(0.1, 4, Vec3(6, 4, 6));
+  Workpiece workpiece_{tooth_};
+  Bur bur_ = paper_cylinder();
+};
+
+TEST_F(RemovalOfACylinder, ClearTakesTheBursOwnVolumeAndDoesNotCountItAsRemoved) {
+  Removal removal(bur_, workpiece_, at(0, -2, -1.5));
+  const double taken = total(removal.clear(at(0, -2, -1.5)));
+  const double exact = units::kPi * kRadius * kRadius * kLength;
+  EXPECT_NEAR(taken, exact, 0.01 * exact);
+  EXPECT_EQ(total(removal.removed()), 0);
+}
+
+TEST_F(RemovalOfACylinder, AStraightWayTakesLengthTimesDiameterTimesWay) {
+  Removal removal(bur_, workpiece_, at(0, -2, -1.5));
+  removal.clear(at(0, -2, -1.5));
+  double x = 0;
+  for (; x < 1.0 - 1e-9; x += 0.002) removal.advance(at(x, -2, -1.5));
+  removal.finish(at(1.0, -2, -1.5));
+  const double exact = 2 * kRadius * kLength * 1.0;
+  EXPECT_NEAR(total(removal.removed()), exact, 0.01 * exact);
+  // The same way back takes nothing more.
+  for (; x > 0; x -= 0.002) removal.advance(at(x, -2, -1.5));
+  removal.finish(at(0, -2, -1.5));
+  EXPECT_NEAR(total(removal.removed()), exact, 0.01 * exact);
+}
+
+TEST_F(RemovalOfACylinder, AFastWayIsSweptAndSkipsNothing) {
+  Removal slow(bur_, workpiece_, at(-1, -2, -1.5));
+  slow.clear(at(-1, -2, -1.5));
+  slow.advance(at(1, -2, -1.5));  // two millimetres at once
+  slow.finish(at(1, -2, -1.5));
+  const double exact = 2 * kRadius * kLength * 2.0;
+  EXPECT_NEAR(total(slow.removed()), exact, 0.01 * exact);
+}
+
+TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
+  Removal removal(bur_, workpiece_, at(0, -2, -1.5));
+  removal.clear(at(0, -2, -1.5));
+  removal.pause(at(0, -2, -1.5));
+  removal.pause(at(0.5, -2, -1.5));
+  removal.finish(at(0.5, -2, -1.5));
+  EXPECT_EQ(total(removal.removed()), 0);
+}
+
+TEST_F(RemovalOfACylinder, NothingIsDueBeforeAVoxelOfWay) {
+  Removal removal(bur_, workpiece_, at(0, -2, -1.5));
+  removal.clear(at(0, -2, -1.5));
+  for (double x = 0; x < 0.099; x += 0.001) removal.advance(at(x, -2, -1.5));
+  EXPECT_EQ(total(removal.removed()), 0);
+  for (double x = 0.1; x < 0.25; x += 0.001) removal.advance(at(x, -2, -1.5));
+  EXPECT_GT(total(removal.removed()), 0);
+}
+
+TEST_F(RemovalOfACylinder, InAirNothingIsRemovedAndNoBrickIsTouched) {
+  const std::size_t bricks = workpiece_.cut().bricks_stored();
+  Removal removal(bur_, workpiece_, at(0, 3, -1.5));
+  removal.clear(at(0, 3, -1.5));
+  for (double x = 0; x < 1; x += 0.01) removal.advance(at(x, 3, -1.5));
+  removal.finish(at(1, 3, -1.5));
+  EXPECT_EQ(total(removal.removed()), 0);
+  EXPECT_EQ(workpiece_.cut().bricks_stored(), bricks);
+}
+
+TEST_F(RemovalOfACylinder, TheVolumeFallsToTheTissuesOnBothSidesOfABorder) {
+  // Enamel 1 mm over dentin, the axis on the border: half and half.
+  const LayeredTooth layered = block(0.1, 1, Vec3(6, 4, 6));
+  Workpiece workpiece(layered);
+  Removal removal(bur_, workpiece, at(0, -1, -1.5));
+  removal.clear(at(0, -1, -1.5));
+  removal.advance(at(1, -1, -1.5));
+  removal.finish(at(1, -1, -1.5));
+  const double half = kRadius * kLength;
+  EXPECT_NEAR(removal.removed()[0], half, 0.01 * half);
+  EXPECT_NEAR(removal.removed()[1], half, 0.01 * half);
+}
+
+}  // namespace
+}  // namespace toothprep::testing
