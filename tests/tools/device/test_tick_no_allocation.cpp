@@ -16,8 +16,9 @@ void expect_no_allocation(MakeRig make_rig) {
   const std::unique_ptr<Rig> rig = make_rig(s);
   Recorder client(Vec3(1, 0, 0));
   rig->device().start(client);
+  rig->run(1);  // a driver opened at run time gets its thread's storage at the first tick
   const long before = allocations;
-  rig->run(200);
+  rig->run(199);
   rig->inject(DeviceFault::kWarmMotors, 5);
   rig->run(100);
   const DeviceStatus status = rig->device().status();
