@@ -8,7 +8,7 @@
 //
 //   symbol  here                 unit        frame
 //   P, v    bur tip              mm, mm/s    any, the same for all
-//   P_H     handle, of this step mm
+//   P_H     handle, this step    mm
 //   v_H     (P_H,i - P_H,i-1)/h  mm/s
 //   k, b    Coupling             N/mm, N·s/mm
 //   m       bur_mass             N·s²/mm
