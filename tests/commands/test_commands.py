@@ -5,45 +5,28 @@ Usage: test_commands.py BINARY SOURCE_DIR
 import json
 import os
 import shutil
-import subprocess
 import sys
-import tempfile
 import unittest
+from pathlib import Path
 
 import h5py
 import numpy as np
 
-BINARY = os.path.abspath(sys.argv[1])
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from command_test import CommandTest
+
 SOURCE = os.path.abspath(sys.argv[2])
 CYLINDER = "cylinder:D1.2xL3.0"
 
 
-class Commands(unittest.TestCase):
+class Commands(CommandTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="toothprep-commands-")
+        super().setUpClass()
         cls.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "5,4,5", "--enamel-mm", "1.5")
         with open(cls.path("slot.toml"), "w") as f:
             f.write('start_mm = [0, 0.9, -0.4]\naxis = [0, 0, 1]\nrate_hz = 1000\n'
                     '[[segment]]\nkind = "line"\nto_mm = [0, -2.2, -0.4]\nspeed_mm_s = 1.0\n')
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
-
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder, name)
-
-    @classmethod
-    def run_tool(cls, *args):
-        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=300)
-
-    @classmethod
-    def run_ok(cls, *args):
-        done = cls.run_tool(*args)
-        assert done.returncode == 0, f"{args}: {done.returncode}\n{done.stderr}"
-        return done
 
     def assert_refused(self, *args, output, says):
         """Exit 1, one line that names the problem, nothing on stdout, no output file or remains of one."""

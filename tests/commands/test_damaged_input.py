@@ -5,18 +5,20 @@ Usage: test_damaged_input.py BINARY
 import os
 import shutil
 import struct
-import subprocess
 import sys
-import tempfile
 import unittest
+from pathlib import Path
 
-BINARY = os.path.abspath(sys.argv[1])
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from command_test import CommandTest
 
 
-class DamagedInput(unittest.TestCase):
+class DamagedInput(CommandTest):
+    timeout_s = 60
+
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="toothprep-damaged-")
+        super().setUpClass()
         for name in ("ct", "scan.nrrd", "scan.nii", "scan.nii.gz", "scan.mha"):
             cls.run_ok("specimen", "scan", "-o", name, "--spacing-mm", "0.9")
         cls.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "2", "--enamel-mm", "1", "--voxel-mm", "0.2")
@@ -24,41 +26,20 @@ class DamagedInput(unittest.TestCase):
             cls.run_ok("mesh", "block.vdb", "-o", "block." + extension)
         os.makedirs(cls.path("in"))  # where the damaged ones stand
 
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
-
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder, name)
-
-    @classmethod
-    def run_tool(cls, *args):
-        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, timeout=60)
-
-    @classmethod
-    def run_ok(cls, *args):
-        done = cls.run_tool(*args)
-        assert done.returncode == 0, f"{args}: {done.returncode}\n{done.stderr.decode()}"
-
-    def read(self, name):
-        with open(self.path(name), "rb") as f:
-            return f.read()
-
     def assert_refused(self, name, content=None, *options):
         """`content` under `name` in in/, or what stands there already."""
         file = os.path.join("in", name)
         if content is not None:
-            with open(self.path(file), "wb") as f:
-                f.write(content)
+            self.write(file, content)
         scan = ["--mesh", "enamel=" + file] if name.rsplit(".")[-1] in ("stl", "ply", "obj", "off") else [file]
         before = sorted((folder, *files) for folder, _, files in os.walk(self.folder))
         done = self.run_tool("voxelize", *scan, "-o", os.path.join("in", "no.vdb"), *options)
-        error = done.stderr.decode("ascii")
+        error = done.stderr
+        self.assertTrue(error.isascii(), f"{name}: {error}")
         self.assertEqual(done.returncode, 1, f"{name}: {error}")
         self.assertEqual(error.count("\n"), 1, f"{name}: {error}")
         self.assertTrue(error.startswith("toothprep: " + file), f"{name}: {error}")
-        self.assertEqual(done.stdout, b"", name)
+        self.assertEqual(done.stdout, "", name)
         self.assertEqual(before, sorted((folder, *files) for folder, _, files in os.walk(self.folder)), name)
 
     def test_files_that_are_cut_off_empty_or_noise(self):

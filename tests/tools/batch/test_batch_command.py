@@ -12,8 +12,11 @@ import sys
 import tempfile
 import time
 import unittest
+from pathlib import Path
 
-BINARY = os.path.abspath(sys.argv[1])
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
+from command_test import BINARY, CommandTest
+
 MANIFEST = """
 [defaults]
 command = "replay"
@@ -30,11 +33,11 @@ arguments = { trajectory = "paths/deep.toml" }
 """
 
 
-class Batch(unittest.TestCase):
+class Batch(CommandTest):
     def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="toothprep-batch-")
+        type(self).folder = tempfile.mkdtemp(prefix="toothprep-batch-")  # each test its own
+        self.addCleanup(shutil.rmtree, self.folder)
         self.run_tool("specimen", "block", "-o", "block.vdb", "--size-mm", "4", "--voxel-mm", "0.2")
-        os.mkdir(self.path("paths"))
         self.write("paths/broken.toml", "axis = [0, 0, 0]\n")
         for name, depth in (("shallow", -0.5), ("deep", -1.5), ("long", -3.9)):
             speed = 0.01 if name == "long" else 2
@@ -42,23 +45,6 @@ class Batch(unittest.TestCase):
                        f'start_mm = [0, 0.7, 0]\naxis = [0, 1, 0]\nrate_hz = 1000\n[[segment]]\nkind = "line"\n'
                        f'to_mm = [0, {depth}, 0]\nspeed_mm_s = {speed}\n')
         self.write("manifest.toml", MANIFEST)
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name):
-        return os.path.join(self.folder, name)
-
-    def write(self, name, text):
-        with open(self.path(name), "w") as f:
-            f.write(text)
-
-    def read(self, name):
-        with open(self.path(name), "rb") as f:
-            return f.read()
-
-    def run_tool(self, *args):
-        return subprocess.run([BINARY, *args], cwd=self.folder, capture_output=True, text=True, timeout=120)
 
     def test_replays_resumes_and_names_what_failed(self):
         done = self.run_tool("batch", "manifest.toml", "-o", "out", "--threads", "2")

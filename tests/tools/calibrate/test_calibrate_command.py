@@ -1,52 +1,43 @@
 """The chain of a calibration as a user runs it: plan, fit, replay with what was fitted, and what bad input says."""
 import json
-import subprocess
 import sys
-import tempfile
 import unittest
 from pathlib import Path
 
-BINARY, SOURCE = sys.argv.pop(1), Path(sys.argv.pop(1))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
+from command_test import CommandTest
+
+SOURCE = Path(sys.argv[2])
 BUR = ["--bur", "cylinder:D1.2xL3.0"]
 PATH = str(SOURCE / "data/trajectories/calibration.toml")
 
 
-class Calibration(unittest.TestCase):
+class Calibration(CommandTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.run_good("specimen", "block", "-o", "block.vdb", "--size-mm", "5,3,5", "--enamel-mm", "1")
-        cls.run_good("specimen", "block", "-o", "other.vdb", "--size-mm", "5,3,5", "--enamel-mm", "0.8")
+        super().setUpClass()
+        cls.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "5,3,5", "--enamel-mm", "1")
+        cls.run_ok("specimen", "block", "-o", "other.vdb", "--size-mm", "5,3,5", "--enamel-mm", "0.8")
         for name in ("rig.h5", "rig.csv"):
-            cls.run_good("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "--u-j-per-mm3",
+            cls.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "--u-j-per-mm3",
                          "enamel=0.42,dentin=0.085", "--alpha", "enamel=0.31,dentin=0.22", "--bias-n", "0.1,-0.05,0.02",
                          "--delay-ms", "3", "--outliers-percent", "1", "-o", name)
 
     @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    @classmethod
-    def run_binary(cls, *arguments):
-        return subprocess.run([BINARY, "-q", *arguments], cwd=cls.folder.name, capture_output=True, text=True, timeout=200)
-
-    @classmethod
-    def run_good(cls, *arguments):
-        result = cls.run_binary(*arguments)
-        assert result.returncode == 0, result.stderr
-        return result
+    def run_tool(cls, *args, **more):
+        return super().run_tool("-q", *args, **more)
 
     def refused(self, words, *arguments):
-        result = self.run_binary(*arguments)
+        result = self.run_tool(*arguments)
         self.assertEqual(result.returncode, 1, result.stderr)
         self.assertEqual(len(result.stderr.strip().splitlines()), 1, result.stderr)
         self.assertIn(words, result.stderr)
 
     def file(self, name):
-        return Path(self.folder.name) / name
+        return Path(self.folder) / name
 
     def test_csv_to_parameters_to_replay(self):
-        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", *BUR, "--estimate", "delay", "-o",
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", *BUR, "--estimate", "delay", "-o",
                       "fit.json", "--params-out", "fit.toml", "--report", "report", "--no-plots")
         fit = json.loads(self.file("fit.json").read_text())
         self.assertEqual(fit["schema"], "toothprep-fit")
@@ -65,11 +56,11 @@ class Calibration(unittest.TestCase):
         self.assertGreater(fit["residual_r2"], 0.95)
         for name in ("fit.json", "force-1.csv", "draws.csv", "adequacy.csv"):
             self.assertTrue((self.file("report") / name).is_file(), name)
-        self.run_good("replay", "--tooth", "block.vdb", "--params", "fit.toml", *BUR, "--trajectory", PATH, "-o", "t.h5")
+        self.run_ok("replay", "--tooth", "block.vdb", "--params", "fit.toml", *BUR, "--trajectory", PATH, "-o", "t.h5")
 
     def test_same_from_h5(self):
-        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "--estimate", "delay", "-o", "a.json")
-        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", *BUR, "--estimate", "delay", "-o",
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "--estimate", "delay", "-o", "a.json")
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", *BUR, "--estimate", "delay", "-o",
                       "b.json")
         a, b = (json.loads(self.file(n).read_text())["tissues"]["enamel"]["u_j_per_mm3"] for n in ("a.json", "b.json"))
         self.assertAlmostEqual(a, b, places=6)
@@ -86,7 +77,7 @@ class Calibration(unittest.TestCase):
         self.file("grams.csv").write_text("\n".join([lines[0], *map(",".join, rows)]) + "\n")
         common = ("calibrate", "--tooth", "block.vdb", "--measured", "grams.csv", *BUR, "-o", "grams.json")
         self.refused("it looks like grams", *common)
-        self.run_good(*common, "--force-unit", "gf", "--estimate", "delay")
+        self.run_ok(*common, "--force-unit", "gf", "--estimate", "delay")
         u = json.loads(self.file("grams.json").read_text())["tissues"]["enamel"]["u_j_per_mm3"]
         self.assertLess(abs(u / 0.42 - 1), 0.05)
 
@@ -103,7 +94,7 @@ class Calibration(unittest.TestCase):
             self.refused(words, "calibrate", "--tooth", "block.vdb", "--measured", "bad.h5", *BUR, "-o", "x.json")
 
     def test_without_force(self):
-        self.run_good("replay", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "-o", "plain.h5")
+        self.run_ok("replay", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "-o", "plain.h5")
         self.refused("/force/measured: is missing", "calibrate", "--tooth", "block.vdb", "--measured", "plain.h5", *BUR, "-o",
                      "x.json")
 
@@ -138,18 +129,18 @@ class Calibration(unittest.TestCase):
     def test_handle_of_a_coupled_rig(self):
         self.short_path("handle.csv", 0.8)
         rig = ("--params", "slow.toml", "--stiffness-n-per-mm", "3")
-        self.run_good("specimen", "measurement", "--drive", "coupled", "--tooth", "block.vdb", *BUR, "--trajectory",
+        self.run_ok("specimen", "measurement", "--drive", "coupled", "--tooth", "block.vdb", *BUR, "--trajectory",
                       "handle.csv", *self.TRUTH, *rig, "--noise-percent", "0", "-o", "handle-rig.h5")
-        self.run_good("calibrate", "--drive", "coupled", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR, *rig,
+        self.run_ok("calibrate", "--drive", "coupled", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR, *rig,
                       "-o", "coupled.json", "--params-out", "coupled.toml")
         fit = self.near_truth("coupled.json", 1e-3)
         self.assertEqual(fit["drive"], "coupled")
         self.assertGreaterEqual(fit["replay_iterations"], 1)
         # The same file holds the bur's motion, which is taken unless the handle's is asked for.
-        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR, *rig, "-o", "imposed.json")
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR, *rig, "-o", "imposed.json")
         self.assertEqual(self.near_truth("imposed.json", 0.02)["drive"], "direct")
         # Another coupling than the recording's is said.
-        result = self.run_binary("calibrate", "--drive", "coupled", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR,
+        result = self.run_tool("calibrate", "--drive", "coupled", "--tooth", "block.vdb", "--measured", "handle-rig.h5", *BUR,
                                  "--params", "slow.toml", "--stiffness-n-per-mm", "2.9", "-o", "other.json")
         self.assertIn("was recorded with a coupling", result.stderr)
 
@@ -157,9 +148,9 @@ class Calibration(unittest.TestCase):
         self.short_path("slow.csv", 0.8)
         self.file("droop.toml").write_text('[step]\ntime_step_s = 0.005\n[handpiece]\nmodel = "droop"\n'
                                            "rotation_rate_rev_s = 130\nstall_torque_mnm = 4\n")
-        self.run_good("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", "slow.csv", *self.TRUTH,
+        self.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", "slow.csv", *self.TRUTH,
                       "--params", "droop.toml", "--noise-percent", "2", "--speed-noise-percent", "1", "-o", "droop-rig.csv")
-        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "droop-rig.csv", *BUR, "--time-step-s", "0.005",
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "droop-rig.csv", *BUR, "--time-step-s", "0.005",
                       "--fit-droop", "-o", "droop.json", "--params-out", "drooped.toml")
         fit = self.near_truth("droop.json", 0.03)
         self.assertTrue(fit["rotation_rate_recorded"])
@@ -177,8 +168,8 @@ class Calibration(unittest.TestCase):
         with h5py.File(self.file("rig.h5")) as rig, h5py.File(self.file("own.h5"), "w") as own:
             for name in ("time", "bur/position", "bur/orientation", "force/measured"):
                 own.create_dataset(name, data=rig[name][:]).attrs["units"] = rig[name].attrs["units"]
-        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "own.h5", *BUR, "--estimate", "delay", "-o", "own.json")
-        self.run_good("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "--estimate", "delay", "-o",
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "own.h5", *BUR, "--estimate", "delay", "-o", "own.json")
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "--estimate", "delay", "-o",
                       "whole.json")
         a, b = (json.loads(self.file(n).read_text())["tissues"]["enamel"]["u_j_per_mm3"] for n in ("own.json", "whole.json"))
         self.assertAlmostEqual(a, b, places=9)
@@ -188,17 +179,17 @@ class Calibration(unittest.TestCase):
     def test_same_for_any_number_of_threads(self):
         texts = []
         for threads in ("1", "4"):
-            self.run_good("--threads", threads, "calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", "rig.h5", *BUR,
+            self.run_ok("--threads", threads, "calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", "rig.h5", *BUR,
                           "--estimate", "delay", "-o", "threads.json", "--force")
             texts.append(self.file("threads.json").read_text())
         self.assertEqual(*texts)
 
     def test_noisy_motion_and_stalls_are_said(self):
-        self.run_good("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "--position-noise-um", "3",
+        self.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "--position-noise-um", "3",
                       "-o", "shaky.csv")
-        result = self.run_binary("calibrate", "--tooth", "block.vdb", "--measured", "shaky.csv", *BUR, "-o", "shaky.json")
+        result = self.run_tool("calibrate", "--tooth", "block.vdb", "--measured", "shaky.csv", *BUR, "-o", "shaky.json")
         self.assertIn("--smooth-motion-ms", result.stderr)
-        result = self.run_binary("calibrate", "--tooth", "block.vdb", "--measured", "shaky.csv", *BUR, "-o", "smooth.json",
+        result = self.run_tool("calibrate", "--tooth", "block.vdb", "--measured", "shaky.csv", *BUR, "-o", "smooth.json",
                                  "--smooth-motion-ms", "100")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertNotIn("velocity's noise", result.stderr)
@@ -207,7 +198,7 @@ class Calibration(unittest.TestCase):
         lines = self.file("rig.csv").read_text().splitlines()
         still = [lines[0] + ",stalled"] + [f"{line},{1 if 3000 <= i < 3200 else 0}" for i, line in enumerate(lines[1:])]
         self.file("still.csv").write_text("\n".join(still) + "\n")
-        result = self.run_binary("calibrate", "--tooth", "block.vdb", "--measured", "still.csv", *BUR, "-o", "still.json")
+        result = self.run_tool("calibrate", "--tooth", "block.vdb", "--measured", "still.csv", *BUR, "-o", "still.json")
         self.assertIn("stood still in 200 samples", result.stderr)
         self.assertGreaterEqual(json.loads(self.file("still.json").read_text())["recordings"][0]["samples_stalled"], 200)
 
@@ -220,4 +211,4 @@ class Calibration(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    unittest.main(argv=sys.argv[:1])

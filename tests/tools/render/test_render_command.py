@@ -3,33 +3,24 @@
 Usage: test_render_command.py BINARY
 """
 import os
-import shutil
 import struct
-import subprocess
 import sys
-import tempfile
 import unittest
+from pathlib import Path
 
-BINARY = os.path.abspath(sys.argv[1])
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
+from command_test import CommandTest
+
 SMALL = ("--size", "120x90", "--samples", "2")
 
 
-class Render(unittest.TestCase):
+class Render(CommandTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="toothprep-render-")
+        super().setUpClass()
         for args in (("specimen", "molar", "--voxel-mm", "0.3", "-o", "molar.vdb"),
                      ("mesh", "molar.vdb", "-o", "molar.ply"), ("mesh", "molar.vdb", "-o", "molar.stl")):
-            done = cls.run_tool(*args)
-            assert done.returncode == 0, done.stderr
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
-
-    @classmethod
-    def run_tool(cls, *args):
-        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=200)
+            cls.run_ok(*args)
 
     def draw(self, source, output, *args):
         done = self.run_tool("render", source, "-o", output, *SMALL, *args)

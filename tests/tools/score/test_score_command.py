@@ -8,12 +8,13 @@ import resource
 import shutil
 import signal
 import struct
-import subprocess
 import sys
-import tempfile
 import unittest
+from pathlib import Path
 
-BINARY = os.path.abspath(sys.argv[1])
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
+from command_test import CommandTest
+
 TEETH = ("--original", "o.vdb", "--prepared", "p.vdb")
 BOX = ("specimen", "cavity", "--kind", "box", "--size-mm", "6,4,5", "--voxel-mm", "0.2", "--taper-deg", "4", "--length-mm", "3",
        "--width-mm", "1.4", "--depth-mm", "1.7", "--enamel-mm", "1.2")
@@ -25,31 +26,25 @@ def small_files_only():
     resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
 
 
-class Score(unittest.TestCase):
+class Score(CommandTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="toothprep-score-")
-        cls.ready(*BOX, "--offset-mm", "0.1", "-o", "p.vdb", "--original", "o.vdb", "--target", "t.vdb")
-        cls.ready("specimen", "molar", "--voxel-mm", "0.4", "-o", "molar.vdb")
-        cls.ready("mesh", "p.vdb", "-o", "p.stl")
-        cls.ready("mesh", "p.vdb", "-o", "p.ply")
-        cls.ready(*BOX, "--position-mm", "40,0,0", "-o", "far.vdb")
-        with open(cls.at("p.stl"), "rb") as file:
-            stl = file.read()
+        super().setUpClass()
+        cls.run_ok(*BOX, "--offset-mm", "0.1", "-o", "p.vdb", "--original", "o.vdb", "--target", "t.vdb")
+        cls.run_ok("specimen", "molar", "--voxel-mm", "0.4", "-o", "molar.vdb")
+        cls.run_ok("mesh", "p.vdb", "-o", "p.stl")
+        cls.run_ok("mesh", "p.vdb", "-o", "p.ply")
+        cls.run_ok(*BOX, "--position-mm", "40,0,0", "-o", "far.vdb")
+        stl = cls.read("p.stl")
         count = struct.unpack("<I", stl[80:84])[0]
-        cls.put("open.stl", stl[:80] + struct.pack("<I", count - 9) + stl[84:84 + 50 * (count - 9)])
-        with open(cls.at("p.vdb"), "rb") as file:
-            cls.put("cut.vdb", file.read()[:20000])
-        cls.put("not-a-tooth.vdb", b"hello")
+        cls.write("open.stl", stl[:80] + struct.pack("<I", count - 9) + stl[84:84 + 50 * (count - 9)])
+        cls.write("cut.vdb", cls.read("p.vdb")[:20000])
+        cls.write("not-a-tooth.vdb", b"hello")
         rubric = ('name = "r"\ntype = "%s"\nsource = "a test"\npass_points = 60\n[[criterion]]\nkey = "%s"\nunit = "mm"\n'
                   'weight = 1\nsource = "a test"\nideal = [1, 2]\ntolerated = [0, 3]\n')
-        cls.put("crown.toml", (rubric % ("crown", "wall_height_mm")).encode())
-        cls.put("unknown.toml", (rubric % ("class1", "dept_mm")).encode())
-        cls.put("class1.toml", (rubric % ("class1", "depth_mm")).encode())
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
+        cls.write("crown.toml", (rubric % ("crown", "wall_height_mm")).encode())
+        cls.write("unknown.toml", (rubric % ("class1", "dept_mm")).encode())
+        cls.write("class1.toml", (rubric % ("class1", "depth_mm")).encode())
 
     def setUp(self):
         self.before = self.made = self.everything()
@@ -58,25 +53,6 @@ class Score(unittest.TestCase):
         for path in self.everything():
             if path not in self.made and os.path.lexists(path):
                 shutil.rmtree(path) if os.path.isdir(path) else os.remove(path)
-
-    @classmethod
-    def at(cls, name):
-        return os.path.join(cls.folder, name)
-
-    @classmethod
-    def put(cls, name, content):
-        os.makedirs(os.path.dirname(cls.at(name)), exist_ok=True)
-        with open(cls.at(name), "wb") as file:
-            file.write(content)
-
-    @classmethod
-    def run_tool(cls, *args, **more):
-        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=200, **more)
-
-    @classmethod
-    def ready(cls, *args):
-        done = cls.run_tool(*args)
-        assert done.returncode == 0, done.stderr
 
     def everything(self):
         """Every file's content, hidden ones too."""
@@ -94,8 +70,8 @@ class Score(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return done
 
-    def read(self, name):
-        with open(self.at(name), encoding="utf-8") as file:
+    def read_json(self, name):
+        with open(self.path(name), encoding="utf-8") as file:
             return json.load(file)
 
     def assert_refused(self, args, says, code=1):
@@ -110,7 +86,7 @@ class Score(unittest.TestCase):
 
     def test_it_writes_the_score_and_the_report(self):
         done = self.score(*TEETH, "--target", "t.vdb", "--type", "class1", "-o", "s.json", "--report", "r", "--json")
-        score = self.read("s.json")
+        score = self.read_json("s.json")
         self.assertEqual(score, json.loads(done.stdout))
         self.assertEqual(score["schema"], "toothprep-score")
         self.assertAlmostEqual(score["depth_mm"], 1.8, delta=0.1)
@@ -119,8 +95,8 @@ class Score(unittest.TestCase):
         self.assertEqual([score["inputs"][k]["file"] for k in ("original", "prepared", "target")], ["o.vdb", "p.vdb", "t.vdb"])
         self.assertTrue(score["criteria"])
         self.assertIn("points_percent", score)
-        self.assertEqual(sorted(os.listdir(self.at("r"))), ["deviation.ply", "deviation.vtk", "prepared.ply", "report.html"])
-        with open(self.at("r/report.html"), encoding="utf-8") as file:
+        self.assertEqual(sorted(os.listdir(self.path("r"))), ["deviation.ply", "deviation.vtk", "prepared.ply", "report.html"])
+        with open(self.path("r/report.html"), encoding="utf-8") as file:
             page = file.read()
         self.assertEqual(page.count("<svg"), page.count("</svg>"))
         for foreign in ('src="http', 'href="http', "@import", "url(http"):
@@ -135,7 +111,7 @@ class Score(unittest.TestCase):
 
     def test_a_mesh_alone_and_no_rubric(self):
         self.score("--original", "o.vdb", "--prepared", "p.stl", "--rubric", "none", "--quiet", "-o", "s.json")
-        score = self.read("s.json")
+        score = self.read_json("s.json")
         self.assertNotIn("criteria", score)
         self.assertEqual(score["options"]["type_from"], "found")
         self.assertEqual(score["options"]["type"], "class1")
@@ -187,7 +163,7 @@ class Score(unittest.TestCase):
     def test_an_axis_across_the_opening_is_noted(self):
         done = self.score(*TEETH, "--axis", "1,0,0", "--mesial", "0,1,0", "--rubric", "none", "--type", "class1", "-o", "s.json")
         self.assertIn("90 degrees off the direction in which the tooth was opened", done.stderr)
-        self.assertTrue(any("90 degrees off" in note for note in self.read("s.json")["notes"]))
+        self.assertTrue(any("90 degrees off" in note for note in self.read_json("s.json")["notes"]))
 
     def test_a_wrong_command_line_is_exit_2(self):
         for args, says in (((), "--original"), (("--original", "o.vdb", "--prepared", "p.vdb"), "--output"),
@@ -202,11 +178,11 @@ class Score(unittest.TestCase):
                 self.assert_refused(args, says, code=2)
 
     def test_outputs_in_the_way_stay(self):
-        self.put("old.json", b"old")
-        self.put("work/notes.txt", b"mine")
-        self.put("report/report.html", b"a report")
-        self.put("report/thesis.txt", b"mine, too")
-        self.put("plain", b"a file")
+        self.write("old.json", b"old")
+        self.write("work/notes.txt", b"mine")
+        self.write("report/report.html", b"a report")
+        self.write("report/thesis.txt", b"mine, too")
+        self.write("plain", b"a file")
         self.before = self.everything()
         for args, says in (
                 (("-o", "old.json"), "old.json: exists already"),

@@ -1,0 +1,52 @@
+"""What tests of commands share: a folder of their own, in which the program runs as a user runs it.
+
+A test script gets the program as its first argument and puts this folder on its path:
+
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+    from command_test import CommandTest
+"""
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+BINARY = os.path.abspath(sys.argv[1])
+
+
+class CommandTest(unittest.TestCase):
+    """One folder for all tests of a class."""
+    timeout_s = 300
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix=f"toothprep-{cls.__name__.lower()}-")
+        cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder, name)
+
+    @classmethod
+    def write(cls, name, content):
+        """Text or bytes; folders on the way are made."""
+        os.makedirs(os.path.dirname(cls.path(name)), exist_ok=True)
+        with open(cls.path(name), "wb") as file:
+            file.write(content if isinstance(content, bytes) else content.encode())
+
+    @classmethod
+    def read(cls, name):
+        with open(cls.path(name), "rb") as file:
+            return file.read()
+
+    @classmethod
+    def run_tool(cls, *args, **more):
+        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=cls.timeout_s,
+                              **more)
+
+    @classmethod
+    def run_ok(cls, *args, **more):
+        done = cls.run_tool(*args, **more)
+        assert done.returncode == 0, f"{args}: {done.returncode}\n{done.stderr}"
+        return done
