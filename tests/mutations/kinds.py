@@ -155,7 +155,7 @@ def make_files(run, folder, data):
 
     for name in ("scan.nrrd", "scan.nii", "scan.nii.gz", "scan.mha", "ct"):
         labels = ("--labels", "labels.nrrd") if name == "scan.nrrd" else ()
-        run("specimen", "scan", "-o", name, "--spacing-mm", "1.1", *labels)
+        run("specimen", "scan", "-o", name, "--spacing-mm", "0.9", *labels)
     with open(path("scan.nrrd"), "rb") as file:
         head, _, body = file.read().partition(b"\n\n")
     raw = head.replace(b"encoding: gzip", b"encoding: raw").replace(b"encoding: gz", b"encoding: raw")

@@ -9,6 +9,7 @@ of time and memory. The same seed gives the same runs. Good outcomes:
     same          exit 0, the figures of the undamaged file
     with warning  exit 0, other figures, and a line `warning: ...` that the undamaged file doesn't give
     as stated     exit 0, other figures that follow from what the damaged file now says (statements.py)
+    long work     ended after ten seconds: the file is well-formed and asks for more than the undamaged one
     refused       exit 1, one line `toothprep: ...`, nothing on stdout, nothing left behind
 
 Findings, each printed with the command that repeats it; any makes the exit status 1:
@@ -41,7 +42,7 @@ import kinds as kinds_module
 import mutations
 import statements
 
-GOOD = ("same", "with warning", "as stated", "refused")
+GOOD = ("same", "with warning", "as stated", "long work", "refused")
 BAD = ("SILENT", "ragged", "leftover", "crash", "hang", "memory")
 MEMORY = 1.5e9     # bytes, resident
 SECONDS = 10
@@ -139,7 +140,8 @@ def silent(kind, before, after):
             old, new = (figures.get(f"volume_mm3.{key}") for _, figures in (before, after))
             if old is None or new is None:
                 return f"no volume of {key}"
-            due = old * volume / said.volumes[key] if said.volumes[key] else volume
+            scale = says.voxel_mm3 / said.voxel_mm3
+            due = old * scale + volume - said.volumes[key] * scale
             tolerance = 0.1 * max(due, old) + says.tolerance(said)
             if abs(new - due) > tolerance:
                 return f"{key}: {new:.4g} mm3 instead of {due:.4g} +- {tolerance:.2g}"
@@ -160,8 +162,11 @@ def implausible(figures):
 
 def judge_apart(kind, before, after):
     """silent() in a process of its own: libraries that read damaged files crash."""
-    done = subprocess.run([sys.executable, os.path.abspath(__file__), "--judge", kind.name],
-                          input=json.dumps([before, after]), text=True, capture_output=True, timeout=60, check=False)
+    try:
+        done = subprocess.run([sys.executable, os.path.abspath(__file__), "--judge", kind.name],
+                              input=json.dumps([before, after]), text=True, capture_output=True, timeout=60, check=False)
+    except subprocess.TimeoutExpired:
+        return "accepted, although another reader hangs on it"
     if done.returncode != 0:
         return "accepted, although another reader crashes on it: " + done.stderr[-200:]
     return json.loads(done.stdout)
@@ -170,7 +175,8 @@ def judge_apart(kind, before, after):
 def judge(kind, base, folder, done, left):
     """(outcome, why)."""
     if done.timed_out:
-        return "hang", f"more than {SECONDS} s"
+        why = judge_apart(kind, (base.path, {}), (os.path.join(folder, kind.file), {}))
+        return ("hang", f"more than {SECONDS} s; {why}") if why else ("long work", "")
     if done.resident > MEMORY:
         return "memory", f"{done.resident / 1e9:.1f} GB"
     if done.status not in (0, 1, 2):

@@ -37,11 +37,11 @@ class Volumes:
     says: object
     volumes: dict
     voxels: object = field(default=None, compare=False)
-    voxel_mm3: float = 0
+    voxel_mm3: float = 1  # also of shells, which have none
 
     def tolerance(self, before):
-        """mm^3 by which volumes may miss besides 10 %: ten voxels for each one that was changed: interpolation carries an
-        extreme value to its neighbours."""
+        """mm^3 by which volumes may miss besides 10 %: ten voxels for each one that was changed, since interpolation
+        carries an extreme value to its neighbours."""
         import numpy as np
         changed = 0
         if self.voxels is not None and before.voxels is not None and self.voxels.shape == before.voxels.shape:
