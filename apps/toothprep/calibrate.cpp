@@ -122,10 +122,10 @@ void tell(const FitResult& fit, const Common& common) {
       say(common,
           fmt::format(
               "{:<6}  not identifiable: {}.  u/alpha = {:.4g} +- {:.2g} J/mm^3 at N = {:g} rev/s",
-              name, t.why_not, units::to_joule_per_mm3(t.u_over_alpha.value),
+              name, t.why_not.text, units::to_joule_per_mm3(t.u_over_alpha.value),
               units::to_joule_per_mm3(t.u_over_alpha.std), fit.rotation_rate));
     else
-      say(common, fmt::format("{:<6}  not identifiable: {}", name, t.why_not));
+      say(common, fmt::format("{:<6}  not identifiable: {}", name, t.why_not.text));
   }
   say(common,
       fmt::format(

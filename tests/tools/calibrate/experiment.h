@@ -109,7 +109,7 @@ inline FitResult fit_to(const std::vector<HandleSample>& path, const ForceBasis&
 inline void expect_truth(const FitResult& result, double tolerance) {
   for (const int k : {0, 1}) {
     const TissueFit& t = result.tissue[k];
-    ASSERT_TRUE(t.identifiable) << kTissueNames[k] << ": " << t.why_not;
+    ASSERT_TRUE(t.identifiable) << kTissueNames[k] << ": " << t.why_not.text;
     EXPECT_NEAR(t.u.value / truth()[k].specific_energy, 1, tolerance) << kTissueNames[k];
     EXPECT_NEAR(t.alpha.value / truth()[k].force_ratio, 1, tolerance) << kTissueNames[k];
   }

@@ -9,6 +9,11 @@
 namespace toothprep::testing {
 namespace {
 
+// A copy's recordings would refer to the bases of what it was copied from.
+static_assert(!std::is_copy_constructible_v<CoupledFit> && !std::is_copy_assignable_v<CoupledFit>);
+static_assert(
+    std::is_nothrow_move_assignable_v<std::deque<ForceBasis>>);  // they stay where they are
+
 using ::testing::HasSubstr;
 
 // Of the handle: a slot in enamel, one in dentin and one in both, with plunges between; the handle

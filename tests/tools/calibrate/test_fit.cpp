@@ -146,7 +146,7 @@ TEST(Fit, DentinOnlyTellsNothingOfEnamel) {
   const ForceBasis basis = force_basis(cylinder(), block_with(0), preset_parameters("paper"), path);
   const FitResult r = fit_to(path, basis, kRealistic, {});
   EXPECT_FALSE(r.tissue[0].identifiable);
-  EXPECT_EQ(r.tissue[0].why_not, "never touched");
+  EXPECT_EQ(r.tissue[0].why_not.reason, NotIdentifiable::kNeverTouched);
   EXPECT_TRUE(std::isnan(r.tissue[0].u.value));
   ASSERT_TRUE(r.tissue[1].identifiable);
   EXPECT_NEAR(r.tissue[1].u.value / truth()[1].specific_energy, 1, 0.05);
@@ -164,7 +164,7 @@ TEST(Fit, PlungeAloneTellsOnlyTheRatio) {
   const FitResult r = fit_to(path, basis, s, {});
   for (const int k : {0, 1}) {
     EXPECT_FALSE(r.tissue[k].identifiable);
-    EXPECT_NE(r.tissue[k].why_not.find("only plunge"), std::string::npos) << r.tissue[k].why_not;
+    EXPECT_EQ(r.tissue[k].why_not.reason, NotIdentifiable::kOnlyPlunge) << r.tissue[k].why_not.text;
     ASSERT_TRUE(r.tissue[k].ratio_identifiable);
     EXPECT_NEAR(r.tissue[k].u_over_alpha.value, truth()[k].specific_energy / truth()[k].force_ratio,
                 0.02 * r.tissue[k].u_over_alpha.value);
@@ -183,7 +183,7 @@ TEST(Fit, SideFeedAloneCantTellTheSensorsRotation) {
   o.estimate_rotation = true;
   const FitResult r = fit_to(path, basis, s, o);
   EXPECT_FALSE(r.tissue[1].identifiable);
-  EXPECT_NE(r.tissue[1].why_not.find("rotation"), std::string::npos) << r.tissue[1].why_not;
+  EXPECT_EQ(r.tissue[1].why_not.reason, NotIdentifiable::kLikeRotation) << r.tissue[1].why_not.text;
 }
 
 TEST(Fit, MotionThatNeverTouchesIsRefused) {

@@ -41,7 +41,12 @@ struct CoupledIteration {
   double change = 0;  // relative, that the fit then asked for
 };
 
+// To be moved, not copied: the recordings refer to the bases.
 struct CoupledFit {
+  CoupledFit() = default;
+  CoupledFit(CoupledFit&&) = default;
+  CoupledFit& operator=(CoupledFit&&) = default;
+
   FitResult fit;
   std::vector<CoupledIteration> iterations;
   std::deque<ForceBasis> bases;  // linearised at the result; the recordings refer to them

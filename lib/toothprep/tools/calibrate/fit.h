@@ -53,9 +53,24 @@ struct Estimate {
   double low = value, high = value;  // 95 %
 };
 
+enum class NotIdentifiable {
+  kNone,
+  kNeverTouched,
+  kHardlyTouched,
+  kOnlyPlunge,
+  kLikeRotation,  // alpha looks like the sensor's rotation
+  kNotSeparable,  // u/alpha only, of such noise
+  kLittleForce,   // not even that
+  kUncertain      // free in the fit, but too uncertain in the end
+};
+struct WhyNot {
+  NotIdentifiable reason = NotIdentifiable::kNone;
+  std::string text;
+};
+
 struct TissueFit {
   bool identifiable = false;  // u and alpha
-  std::string why_not;
+  WhyNot why_not;
   Estimate u, alpha;  // N/mm² at N, 1
   bool ratio_identifiable = false;
   Estimate u_over_alpha;  // N/mm²

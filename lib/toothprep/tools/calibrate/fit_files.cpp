@@ -22,41 +22,27 @@ Json interval(const Estimate& e, double factor = 1) {
   return std::isfinite(e.low) ? Json::array({e.low * factor, e.high * factor}) : Json(nullptr);
 }
 
-}  // namespace
-
-std::string fit_json(const FitResult& fit, const FitSources& sources) {
+Json tissue_json(const TissueFit& t, double rotation_rate) {
   const double unit = units::to_joule_per_mm3(1);
-  Json j;
-  j["schema"] = "toothprep-fit";
-  j["schema_version"] = 1;
-  j["toothprep_version"] = sources.toothprep_version;
-  j["tooth"] = sources.tooth;
-  j["tooth_sha256"] = sources.tooth_sha256;
-  j["bur"] = sources.bur;
-  j["rotation_rate_rev_s"] = fit.rotation_rate;
-  j["rotation_rate_recorded"] = fit.speed_recorded;
-  j["rotation_rate_note"] =
-      fit.speed_recorded
-          ? "the speed was recorded: u holds as it is; this rate is the recordings' median"
-          : "forces determine u/N only: u is for this rotation rate and scales with it";
-  for (int k = 0; k < kTissueCount; ++k) {
-    const TissueFit& t = fit.tissue[k];
-    Json& out = j["tissues"][std::string(kTissueNames[k])];
-    out["identifiable"] = t.identifiable;
-    out["why_not"] = t.identifiable ? Json(nullptr) : Json(t.why_not);
-    out["u_j_per_mm3"] = number_or_null(t.u.value * unit);
-    out["u_std_j_per_mm3"] = number_or_null(t.u.std * unit);
-    out["u_ci95_j_per_mm3"] = interval(t.u, unit);
-    out["alpha"] = number_or_null(t.alpha.value);
-    out["alpha_std"] = number_or_null(t.alpha.std);
-    out["alpha_ci95"] = interval(t.alpha);
-    out["u_per_n_j_s_per_mm3"] = number_or_null(t.u.value * unit / fit.rotation_rate);
-    out["u_over_alpha_j_per_mm3"] = number_or_null(t.u_over_alpha.value * unit);
-    out["u_over_alpha_std_j_per_mm3"] = number_or_null(t.u_over_alpha.std * unit);
-    out["u_over_alpha_ci95_j_per_mm3"] = interval(t.u_over_alpha, unit);
-    out["touched_s"] = t.touched;
-    out["removed_mm3"] = t.removed;
-  }
+  Json out;
+  out["identifiable"] = t.identifiable;
+  out["why_not"] = t.identifiable ? Json(nullptr) : Json(t.why_not.text);
+  out["u_j_per_mm3"] = number_or_null(t.u.value * unit);
+  out["u_std_j_per_mm3"] = number_or_null(t.u.std * unit);
+  out["u_ci95_j_per_mm3"] = interval(t.u, unit);
+  out["alpha"] = number_or_null(t.alpha.value);
+  out["alpha_std"] = number_or_null(t.alpha.std);
+  out["alpha_ci95"] = interval(t.alpha);
+  out["u_per_n_j_s_per_mm3"] = number_or_null(t.u.value * unit / rotation_rate);
+  out["u_over_alpha_j_per_mm3"] = number_or_null(t.u_over_alpha.value * unit);
+  out["u_over_alpha_std_j_per_mm3"] = number_or_null(t.u_over_alpha.std * unit);
+  out["u_over_alpha_ci95_j_per_mm3"] = interval(t.u_over_alpha, unit);
+  out["touched_s"] = t.touched;
+  out["removed_mm3"] = t.removed;
+  return out;
+}
+
+void put_sensor(const FitResult& fit, Json& j) {
   Vec3 bias = Vec3::Zero();
   for (const RecordingFit& r : fit.recordings)
     bias += r.bias / static_cast<double>(fit.recordings.size());
@@ -71,22 +57,23 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
   j["lowpass_time_constant_s"] = fit.lowpass.value;
   j["lowpass_time_constant_std_s"] = fit.lowpass.std;
   j["delay_lowpass_correlation"] = fit.delay_lowpass_correlation;
-  if (fit.droop) {
-    const DroopFit& d = *fit.droop;
-    j["droop"] = {{"identifiable", d.identifiable},
-                  {"why_not", d.identifiable ? Json(nullptr) : Json(d.why_not)},
-                  {"rotation_rate_rev_s", number_or_null(d.rate.value)},
-                  {"rotation_rate_std_rev_s", number_or_null(d.rate.std)},
-                  {"rotation_rate_ci95_rev_s", interval(d.rate)},
-                  {"stall_torque_mnm", number_or_null(d.stall_torque.value)},
-                  {"stall_torque_std_mnm", number_or_null(d.stall_torque.std)},
-                  {"stall_torque_ci95_mnm", interval(d.stall_torque)},
-                  {"correlation", d.correlation},
-                  {"residual_rms_rev_s", d.residual_rms},
-                  {"largest_fall", d.largest_fall}};
-  }
-  j["drive"] = fit.replays > 0 ? "coupled" : "direct";
-  if (fit.replays > 0) j["replay_iterations"] = fit.replays;
+}
+
+Json droop_json(const DroopFit& d) {
+  return {{"identifiable", d.identifiable},
+          {"why_not", d.identifiable ? Json(nullptr) : Json(d.why_not)},
+          {"rotation_rate_rev_s", number_or_null(d.rate.value)},
+          {"rotation_rate_std_rev_s", number_or_null(d.rate.std)},
+          {"rotation_rate_ci95_rev_s", interval(d.rate)},
+          {"stall_torque_mnm", number_or_null(d.stall_torque.value)},
+          {"stall_torque_std_mnm", number_or_null(d.stall_torque.std)},
+          {"stall_torque_ci95_mnm", interval(d.stall_torque)},
+          {"correlation", d.correlation},
+          {"residual_rms_rev_s", d.residual_rms},
+          {"largest_fall", d.largest_fall}};
+}
+
+void put_quality(const FitResult& fit, Json& j) {
   j["residual_rms_n"] = fit.residual_rms;
   j["residual_r2"] = fit.residual_r2;
   j["outlier_share"] = fit.outlier_share;
@@ -105,28 +92,58 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
   }
   j["singular_values"] = fit.singular_values;
   j["start_spread"] = fit.start_spread;
-  j["recordings"] = Json::array();
-  for (std::size_t r = 0; r < fit.recordings.size(); ++r) {
-    const RecordingFit& own = fit.recordings[r];
-    Json out;
-    out["file"] = own.name;
-    if (r < sources.recording_sha256.size()) out["sha256"] = sources.recording_sha256[r];
-    out["samples"] = own.samples;
-    out["samples_stalled"] = own.stalled;
-    out["bias_n"] = vector(own.bias);
-    out["bias_std_n"] = vector(own.bias_std);
-    out["drift_n_per_s"] = vector(own.drift);
-    out["drift_std_n_per_s"] = vector(own.drift_std);
-    out["noise_n"] = number_or_null(own.noise);
-    out["noise_without_contact_n"] = number_or_null(own.quiet_noise);
-    out["residual_rms_n"] = own.residual_rms;
-    if (std::isfinite(own.torque_factor)) {
-      out["torque_factor"] = own.torque_factor;  // measured by modelled
-      out["torque_residual_rms_mnm"] = own.torque_rms;
-    }
-    if (fit.recordings.size() > 1) out["validation_rms_n"] = number_or_null(own.validation_rms);
-    j["recordings"].push_back(out);
+}
+
+Json recording_json(const RecordingFit& own, const std::string* sha256, bool several) {
+  Json out;
+  out["file"] = own.name;
+  if (sha256) out["sha256"] = *sha256;
+  out["samples"] = own.samples;
+  out["samples_stalled"] = own.stalled;
+  out["bias_n"] = vector(own.bias);
+  out["bias_std_n"] = vector(own.bias_std);
+  out["drift_n_per_s"] = vector(own.drift);
+  out["drift_std_n_per_s"] = vector(own.drift_std);
+  out["noise_n"] = number_or_null(own.noise);
+  out["noise_without_contact_n"] = number_or_null(own.quiet_noise);
+  out["residual_rms_n"] = own.residual_rms;
+  if (std::isfinite(own.torque_factor)) {
+    out["torque_factor"] = own.torque_factor;  // measured by modelled
+    out["torque_residual_rms_mnm"] = own.torque_rms;
   }
+  if (several) out["validation_rms_n"] = number_or_null(own.validation_rms);
+  return out;
+}
+
+}  // namespace
+
+std::string fit_json(const FitResult& fit, const FitSources& sources) {
+  Json j;
+  j["schema"] = "toothprep-fit";
+  j["schema_version"] = 1;
+  j["toothprep_version"] = sources.toothprep_version;
+  j["tooth"] = sources.tooth;
+  j["tooth_sha256"] = sources.tooth_sha256;
+  j["bur"] = sources.bur;
+  j["rotation_rate_rev_s"] = fit.rotation_rate;
+  j["rotation_rate_recorded"] = fit.speed_recorded;
+  j["rotation_rate_note"] =
+      fit.speed_recorded
+          ? "the speed was recorded: u holds as it is; this rate is the recordings' median"
+          : "forces determine u/N only: u is for this rotation rate and scales with it";
+  for (int k = 0; k < kTissueCount; ++k)
+    j["tissues"][std::string(kTissueNames[k])] = tissue_json(fit.tissue[k], fit.rotation_rate);
+  put_sensor(fit, j);
+  if (fit.droop) j["droop"] = droop_json(*fit.droop);
+  j["drive"] = fit.replays > 0 ? "coupled" : "direct";
+  if (fit.replays > 0) j["replay_iterations"] = fit.replays;
+  put_quality(fit, j);
+  j["recordings"] = Json::array();
+  for (std::size_t r = 0; r < fit.recordings.size(); ++r)
+    j["recordings"].push_back(
+        recording_json(fit.recordings[r],
+                       r < sources.recording_sha256.size() ? &sources.recording_sha256[r] : nullptr,
+                       fit.recordings.size() > 1));
   j["adequacy"] = Json::array();
   for (const AdequacyBin& b : fit.adequacy)
     j["adequacy"].push_back({{"of", b.of},
@@ -177,7 +194,8 @@ std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
       text += fmt::format("# {}: only u/alpha = {:.5g} J/mm3 was measured, alpha is the preset's\n",
                           name, units::to_joule_per_mm3(t.u_over_alpha.value));
     } else {
-      text += "# " + name + ": not measured (" + t.why_not + "), the values are the preset's\n";
+      text +=
+          "# " + name + ": not measured (" + t.why_not.text + "), the values are the preset's\n";
     }
   }
   return text + to_toml(p);

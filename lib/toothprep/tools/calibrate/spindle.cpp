@@ -41,20 +41,22 @@ struct Sums {
       Eigen::Matrix<double, 2, 1 + kTissueCount>::Zero();  // by the residual, and by each u_k
 };
 
-}  // namespace
-
-DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector<ForceBasis>& bases,
-                   const FitResult& fit, std::uint64_t seed) {
-  DroopFit result;
-  const PerTissue<GrindingProperties> tissue = modelled_tissue(fit);
-  std::vector<Sample> samples;
+// The samples in which the spindle turned, with the load that the fit's model puts on it.
+struct Samples {
+  std::vector<Sample> all;
   std::vector<std::size_t> starts;  // of each recording
-  double known = 0, all = 0, step = 0;
+  double step = 0;                  // s
+  double load = 0, known_load = 0;  // sums: in all, and of tissues whose u is known
+};
+Samples samples_of(const std::vector<RecordedMotion>& motions, const std::vector<ForceBasis>& bases,
+                   const FitResult& fit) {
+  Samples samples;
+  const PerTissue<GrindingProperties> tissue = modelled_tissue(fit);
   for (std::size_t r = 0; r < motions.size(); ++r) {
     const auto& [path, spindle] = motions[r];
     if (spindle.rate.empty()) continue;
-    starts.push_back(samples.size());
-    step = bases[r].step;
+    samples.starts.push_back(samples.all.size());
+    samples.step = bases[r].step;
     for (std::size_t i = 1; i < path.size(); ++i) {
       if (!(path[i].buttons & kPedalButton) || !(spindle.rate[i] > 0)) continue;
       if (!spindle.stalled.empty() && spindle.stalled[i]) continue;
@@ -64,43 +66,22 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
         s.by_u[k] = bases[r].tissue[k].torque[i] * spindle.rate[i];
         const double load = tissue[k].specific_energy * s.by_u[k];
         s.load += load;
-        all += load;
-        if (fit.tissue[k].identifiable) known += load;
+        samples.load += load;
+        if (fit.tissue[k].identifiable) samples.known_load += load;
       }
-      samples.push_back(s);
+      samples.all.push_back(s);
     }
   }
-  if (samples.size() < 100) {
-    result.why_not = "no speed was recorded";
-    return result;
-  }
-  if (!(all > 0) || known < kUnknownShare * all) {
-    result.why_not =
-        "u isn't known of the tissue that loads the spindle, so its torque isn't either";
-    return result;
-  }
+  return samples;
+}
 
-  // A first guess from the straight line through N over T.
-  double t = 0, n = 0, tt = 0, tn = 0;
-  std::vector<double> speeds;
-  for (const Sample& s : samples) {
-    const double torque = s.load / s.speed;
-    t += torque, n += s.speed, tt += torque * torque, tn += torque * s.speed;
-    speeds.push_back(s.speed);
-  }
-  const auto count = static_cast<double>(samples.size());
-  const double slope = (tn - t * n / count) / std::max(tt - t * t / count, 1e-300);
-  double rate = quantile(speeds, 0.9);
-  result.largest_fall = 1 - quantile(speeds, 0.01) / rate;
-  if (!(slope < 0)) {
-    result.why_not = "the recorded speed doesn't fall with the torque";
-    return result;
-  }
-  double stall = rate / -slope, scale = 0;
-  const auto residual_of = [&](const Sample& s) {
-    return Model(rate, stall, s.load).speed - s.speed;
-  };
-  const auto sums_of = [&](std::size_t begin, std::size_t end) {
+// N0 and tau_s as they are being fitted.
+struct Droop {
+  double rate = 0, stall = 0;  // rev/s, N·mm
+  double scale = 0;            // rev/s, of the residuals
+
+  double residual(const Sample& s) const { return Model(rate, stall, s.load).speed - s.speed; }
+  Sums sums(const std::vector<Sample>& samples, std::size_t begin, std::size_t end) const {
     Sums sums;
     for (std::size_t i = begin; i < end; ++i) {
       const Model m(rate, stall, samples[i].load);
@@ -112,35 +93,56 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
         sums.g.col(1 + k) += at.slope * (m.by_load * samples[i].by_u[k] / scale) * J;
     }
     return sums;
-  };
+  }
+};
+
+// Slope of the straight line through N over T.
+double slope_of(const std::vector<Sample>& samples) {
+  double t = 0, n = 0, tt = 0, tn = 0;
+  for (const Sample& s : samples) {
+    const double torque = s.load / s.speed;
+    t += torque, n += s.speed, tt += torque * torque, tn += torque * s.speed;
+  }
+  const auto count = static_cast<double>(samples.size());
+  return (tn - t * n / count) / std::max(tt - t * t / count, 1e-300);
+}
+
+// Gauss and Newton from a first guess.
+Droop fitted(Droop droop, const std::vector<Sample>& samples) {
   for (int pass = 0; pass < kPasses; ++pass) {
     std::vector<double> size;
-    for (const Sample& s : samples) size.push_back(std::abs(residual_of(s)));
-    scale = std::max(kSigmaOfMedian * quantile(size, 0.5), 1e-9 * rate);
-    const Sums sums = sums_of(0, samples.size());
+    for (const Sample& s : samples) size.push_back(std::abs(droop.residual(s)));
+    droop.scale = std::max(kSigmaOfMedian * quantile(std::move(size), 0.5), 1e-9 * droop.rate);
+    const Sums sums = droop.sums(samples, 0, samples.size());
     const Eigen::VectorXd by = -solve_scaled(sums.H, sums.g.col(0));
-    rate *= std::exp(std::clamp(by[0], -0.5, 0.5));
-    stall *= std::exp(std::clamp(by[1], -0.5, 0.5));
+    droop.rate *= std::exp(std::clamp(by[0], -0.5, 0.5));
+    droop.stall *= std::exp(std::clamp(by[1], -0.5, 0.5));
     if (by.cwiseAbs().maxCoeff() < 1e-10) break;
   }
+  return droop;
+}
 
-  // Blocks of the residuals drawn anew, each with a draw of u.
-  std::vector<double> residual;
-  double square = 0;
-  for (const Sample& s : samples) {
-    residual.push_back(residual_of(s));
-    square += residual.back() * residual.back();
-  }
-  result.residual_rms = std::sqrt(square / count);
-  const double duration = count * step;
+// Of pieces longer than the residuals' correlation.
+std::vector<Sums> blocks_of(const Droop& droop, const Samples& samples,
+                            const std::vector<double>& residual) {
+  const double step = samples.step, duration = static_cast<double>(samples.all.size()) * step;
   const double block = std::clamp(10 * correlation_time(residual, step), 20 * step,
                                   std::max(20 * step, duration / 30));
   const auto length = static_cast<std::size_t>(block / step);
   std::vector<Sums> blocks;
-  starts.push_back(samples.size());
-  for (std::size_t r = 0; r + 1 < starts.size(); ++r)
-    for (std::size_t begin = starts[r]; begin < starts[r + 1]; begin += length)
-      blocks.push_back(sums_of(begin, std::min(begin + length, starts[r + 1])));
+  for (std::size_t r = 0; r < samples.starts.size(); ++r) {
+    const std::size_t last =
+        r + 1 < samples.starts.size() ? samples.starts[r + 1] : samples.all.size();
+    for (std::size_t begin = samples.starts[r]; begin < last; begin += length)
+      blocks.push_back(droop.sums(samples.all, begin, std::min(begin + length, last)));
+  }
+  return blocks;
+}
+
+// Of log N0 and log tau_s: the blocks drawn anew, each time with a draw of u.
+Eigen::Matrix2d covariance_of(const std::vector<Sums>& blocks, const FitResult& fit,
+                              std::uint64_t seed) {
+  const PerTissue<GrindingProperties> tissue = modelled_tissue(fit);
   const Eigen::Index draws = fit.draws.cols();
   const auto replicates = draws > 0 ? draws : Eigen::Index{500};
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
@@ -162,15 +164,48 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
     const Eigen::Vector2d by = -solve_scaled(total.H, g);
     covariance += by * by.transpose() / static_cast<double>(replicates);
   }
-  const double freedom = std::max(1.0, static_cast<double>(blocks.size()) - 2);
-  const auto estimate = [&](double value, double relative) {
-    Estimate e;
-    e.value = value;
-    e.std = value * relative;
-    e.low = value * std::exp(-student_95(freedom) * relative);
-    e.high = value * std::exp(student_95(freedom) * relative);
-    return e;
-  };
+  return covariance;
+}
+
+Estimate estimate(double value, double relative, double student) {
+  return {value, value * relative, value * std::exp(-student * relative),
+          value * std::exp(student * relative)};
+}
+
+}  // namespace
+
+DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector<ForceBasis>& bases,
+                   const FitResult& fit, std::uint64_t seed) {
+  DroopFit result;
+  const Samples samples = samples_of(motions, bases, fit);
+  if (samples.all.size() < 100) {
+    result.why_not = "no speed was recorded";
+    return result;
+  }
+  if (!(samples.load > 0) || samples.known_load < kUnknownShare * samples.load) {
+    result.why_not =
+        "u isn't known of the tissue that loads the spindle, so its torque isn't either";
+    return result;
+  }
+  std::vector<double> speeds;
+  for (const Sample& s : samples.all) speeds.push_back(s.speed);
+  const double guess = quantile(speeds, 0.9), slope = slope_of(samples.all);
+  result.largest_fall = 1 - quantile(std::move(speeds), 0.01) / guess;
+  if (!(slope < 0)) {
+    result.why_not = "the recorded speed doesn't fall with the torque";
+    return result;
+  }
+  const Droop droop = fitted({guess, guess / -slope, 0}, samples.all);
+
+  std::vector<double> residual;
+  double square = 0;
+  for (const Sample& s : samples.all) {
+    residual.push_back(droop.residual(s));
+    square += residual.back() * residual.back();
+  }
+  result.residual_rms = std::sqrt(square / static_cast<double>(samples.all.size()));
+  const std::vector<Sums> blocks = blocks_of(droop, samples, residual);
+  const Eigen::Matrix2d covariance = covariance_of(blocks, fit, seed);
   const double rate_std = std::sqrt(covariance(0, 0)), stall_std = std::sqrt(covariance(1, 1));
   if (!(stall_std <= kWorstStd)) {
     result.why_not =
@@ -179,8 +214,9 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
     return result;
   }
   result.identifiable = true;
-  result.rate = estimate(rate, rate_std);
-  result.stall_torque = estimate(stall, stall_std);
+  const double student = student_95(std::max(1.0, static_cast<double>(blocks.size()) - 2));
+  result.rate = estimate(droop.rate, rate_std, student);
+  result.stall_torque = estimate(droop.stall, stall_std, student);
   result.correlation = covariance(0, 1) / std::max(rate_std * stall_std, 1e-300);
   return result;
 }
