@@ -35,6 +35,10 @@ HEAVY = {
 }
 RINGS = ["step", "tools", "proof"]  # each may use itself and what stands before it
 LARGEST_FILE = 1_000_000  # bytes
+LONGEST_FUNCTION = 100  # lines, of the library and the commands
+LONGER_YET = {  # still to be shortened
+    "lib/toothprep/tools/segmentation/cavity.cpp", "lib/toothprep/tools/segmentation/grey_classes.cpp",
+    "lib/toothprep/tools/segmentation/voxelize_labels.cpp", "lib/toothprep/tools/shells/voxelize_shells.cpp"}
 SOURCES = {".h", ".cpp", ".cc", ".hpp"}
 # A path from the root, or from lib/toothprep, ending in a name; one with a capital in a folder's name is a placeholder.
 TREE_PATH = re.compile(r"(?<![\w/.~$*-])((?:lib/toothprep|apps/toothprep|data|tests|scripts|step|tools|proof)/[\w./*+-]*[\w*])")
@@ -46,6 +50,37 @@ def includes(path):
         match = re.match(r'\s*#\s*include\s*[<"]([^>"]+)[>"]', line)
         if match:
             yield number, match.group(1)
+
+
+def without_texts(code):
+    """C++ with blanks for comments, strings and characters; the lines stay where they are."""
+    return re.sub(r'R"(\w*)\(.*?\)\1"|//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|(?<![0-9a-fA-F])\'(?:\\.|[^\'\\\n])+\'',
+                  lambda match: re.sub(r"[^\n]", " ", match.group()), code, flags=re.DOTALL)
+
+
+def functions(code):
+    """(first line, lines) of each function that isn't inside another one: a block whose head, back to the last
+    semicolon or brace, has parentheses and makes neither a type, a namespace nor a value. A brace without a space
+    before it makes a value, too."""
+    code = without_texts(code)
+    blocks, head = [], 0  # of the open ones: what they are, where their head begins
+    for at, c in enumerate(code):
+        if c == "{":
+            text = code[head:at]
+            if not text.endswith((" ", "\n")):
+                blocks.append(("value", head))
+                continue
+            is_type = re.search(r"\b(namespace|class|struct|enum|union)\b[^()]*$", text)
+            is_function = ")" in text and not is_type and not text.rstrip().endswith("=")
+            blocks.append(("function" if is_function else "other", head + len(text) - len(text.lstrip())))
+        elif c == "}" and blocks:
+            kind, begin = blocks.pop()
+            if kind == "value":
+                continue
+            if kind == "function" and not any(outer == "function" for outer, _ in blocks):
+                yield code.count("\n", 0, begin) + 1, code.count("\n", begin, at) + 1
+        if c in "{};":
+            head = at + 1
 
 
 def cmake_text(path):
@@ -227,6 +262,14 @@ def check(root):
                     if header.startswith(prefix) and not any(place.startswith(h + "/") for h in allowed):
                         breaches.append(f"{place}:{number}: includes {header}, which belongs in "
                                         f"{homes[0]}")
+
+    for part in ("lib", "apps"):
+        for path in sorted((root / part).rglob("*")):
+            if path.suffix in SOURCES and str(path.relative_to(root)) not in LONGER_YET:
+                for number, lines in functions(path.read_text(encoding="utf-8")):
+                    if lines > LONGEST_FUNCTION:
+                        breaches.append(f"{path.relative_to(root)}:{number}: a function of {lines} lines, more than "
+                                        f"{LONGEST_FUNCTION}")
 
     files = repository_files(root)
     breaches.extend(check_texts(root, sorted(files)))

@@ -48,6 +48,19 @@ class Breaches(unittest.TestCase):
         for word in words:
             self.assertIn(word, found[0])
 
+    def test_a_function_of_more_than_a_hundred_lines(self):
+        def function(lines, head="int f(int x)"):
+            return f"namespace a {{\n\n{head} {{\n" + "  // {\n" * (lines - 2) + "}\n\n}\n"
+        path = "lib/toothprep/step/core/a.cpp"
+        self.assertEqual(self.breaches({path: function(100)}), [])
+        self.expect({path: function(101)}, path + ":3:", "101 lines")
+        self.expect({path: "struct S {\n" + function(101, "S() : x{1}") + "};\n"}, "101 lines")
+        self.expect({"apps/toothprep/main.cpp": function(120)}, "120 lines")
+        self.expect({path: function(101, "void g(const char* s = \"{\", char c = '{')")}, "101 lines")
+        # Neither a type, a table nor a namespace is a function.
+        for head in ("struct S", "enum class E : int", "constexpr int kTable[] = ", "namespace b"):
+            self.assertEqual(self.breaches({path: function(130, head)}), [], head)
+
     def test_a_good_tree_has_none(self):
         self.assertEqual(self.breaches({}), [])
 

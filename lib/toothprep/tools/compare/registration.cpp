@@ -347,105 +347,107 @@ std::vector<Candidate> best_of(std::vector<Candidate> all, const Vec3& centroid,
   return best;
 }
 
-}  // namespace
+// A solid's surface laid on another one's: hypotheses on few points, fewer and better ones on more.
+class Search {
+ public:
+  Search(const Solid& moving, const Solid& fixed, const RegistrationOptions& options)
+      : moving_(moving),
+        options_(options),
+        from_(moments_of(moving.surface)),
+        to_(moments_of(fixed.surface)),
+        size_(std::sqrt(to_.second.trace())),
+        tree_(fixed.surface),
+        coarse_tree_(samples_of(fixed.surface, to_.area, kCoarseSamples)),
+        coarse_([this](const Vec3& x) { return coarse_tree_.nearest(x); }),
+        fit_([this](const Vec3& x) {
+          const SurfacePoint nearest = tree_.nearest(x);
+          return Foot{nearest.point, tree_.normal(nearest.triangle)};
+        }) {}
 
-SurfaceRegistration register_surfaces(const Solid& moving, const Solid& fixed,
-                                      const RegistrationOptions& options) {
-  const Moments from = moments_of(moving.surface), to = moments_of(fixed.surface);
-  const TriangleTree tree(fixed.surface);
-  const SampleTree coarse_tree(samples_of(fixed.surface, to.area, kCoarseSamples));
-  const Fit coarse([&](const Vec3& x) { return coarse_tree.nearest(x); });
-  const Fit fit([&](const Vec3& x) {
-    const SurfacePoint nearest = tree.nearest(x);
-    return Foot{nearest.point, tree.normal(nearest.triangle)};
-  });
-  const double size = std::sqrt(to.second.trace());  // radius of gyration, mm
+  Search(const Search&) = delete;  // the feet refer to the trees
+  Search& operator=(const Search&) = delete;
+
+  const Fit& fit() const { return fit_; }
+  const Vec3& centroid() const { return from_.centroid; }
+  std::vector<SurfaceSample> samples(int count) const {
+    return samples_of(moving_.surface, from_.area, count);
+  }
   // How much a pose moves the tooth, mm.
-  const auto amount = [&](const Pose& p) {
-    return angle_between(p.orientation, Quat::Identity()) * size +
-           (p.to_world(from.centroid) - from.centroid).norm();
-  };
-
-  // Coarse: many hypotheses, few points. Of equals those that move less come first.
-  const auto few = samples_of(moving.surface, from.area, 300);
-  std::vector<Candidate> candidates;
-  for (const Quat& turn : hypotheses(from, to))
-    candidates.push_back({{to.centroid - turn * from.centroid, turn}, 0});
-  candidates.push_back({Pose{}, 0});
-  for (Candidate& c : candidates) {
-    c.pose = refined(coarse, few, c.pose, 0.5 * size, 0.5, 20).pose;
-    c.score = closeness(coarse.matches(few, c.pose), 0.3) -
-              0.02 * std::min(1.0, amount(c.pose) / (units::kPi * size));
+  double amount(const Pose& p) const {
+    return angle_between(p.orientation, Quat::Identity()) * size_ +
+           (p.to_world(from_.centroid) - from_.centroid).norm();
   }
-  candidates = best_of(std::move(candidates), from.centroid, 6, 3, 0.3);
 
-  // Finer, on the surface itself: first to see which of them are worth it, then down to the noise.
-  const auto judged = [&](Candidate& c, const std::vector<SurfaceSample>& samples) {
-    const auto matches = fit.matches(samples, c.pose);
-    c.score = share_within(matches, options.agree_mm) + share_within(matches, options.sharp_mm);
-  };
-  for (Candidate& c : candidates) {
-    c.pose = refined(fit, few, c.pose, 0.7, 0.1, 10).pose;
-    judged(c, few);
+  // The best first.
+  std::vector<Candidate> candidates() const {
+    const auto few = samples(300);
+    std::vector<Candidate> all = coarse_candidates(few);
+    // Finer, on the surface itself: first to see which of them are worth it, then down to the
+    // noise.
+    for (Candidate& c : all) {
+      c.pose = refined(fit_, few, c.pose, 0.7, 0.1, 10).pose;
+      c.score = score(c.pose, few);
+    }
+    all = best_of(std::move(all), from_.centroid, all.size(), 1, 0.1);
+    constexpr double kHopeless = 0.4;
+    std::erase_if(all,
+                  [best = all[0].score](const Candidate& c) { return c.score < best - kHopeless; });
+    const auto some = samples(kSomeSamples);
+    for (Candidate& c : all) {
+      c.pose = refined(fit_, some, c.pose, 0.2, kLeastScale, 20).pose;
+      c.score = score(c.pose, some);
+    }
+    return best_of(std::move(all), from_.centroid, all.size(), 1, 0.1);
   }
-  candidates = best_of(std::move(candidates), from.centroid, candidates.size(), 1, 0.1);
-  constexpr double kHopeless = 0.4;
-  std::erase_if(candidates, [best = candidates[0].score](const Candidate& c) {
-    return c.score < best - kHopeless;
-  });
-  const auto some = samples_of(moving.surface, from.area, 1000);
-  for (Candidate& c : candidates) {
-    c.pose = refined(fit, some, c.pose, 0.2, kLeastScale, 20).pose;
-    judged(c, some);
+
+  static constexpr int kSomeSamples = 1000;
+
+ private:
+  // Many hypotheses, few points. Of equals those that move less come first.
+  std::vector<Candidate> coarse_candidates(const std::vector<SurfaceSample>& few) const {
+    std::vector<Candidate> all;
+    for (const Quat& turn : hypotheses(from_, to_))
+      all.push_back({{to_.centroid - turn * from_.centroid, turn}, 0});
+    all.push_back({Pose{}, 0});
+    for (Candidate& c : all) {
+      c.pose = refined(coarse_, few, c.pose, 0.5 * size_, 0.5, 20).pose;
+      c.score = closeness(coarse_.matches(few, c.pose), 0.3) -
+                0.02 * std::min(1.0, amount(c.pose) / (units::kPi * size_));
+    }
+    return best_of(std::move(all), from_.centroid, 6, 3, 0.3);
   }
-  candidates = best_of(std::move(candidates), from.centroid, candidates.size(), 1, 0.1);
+  double score(const Pose& pose, const std::vector<SurfaceSample>& at) const {
+    const auto matches = fit_.matches(at, pose);
+    return share_within(matches, options_.agree_mm) + share_within(matches, options_.sharp_mm);
+  }
 
-  // Of those that fit equally well the one that turns least, then shifts least.
-  constexpr double kEqual = 0.01;
-  std::vector<Candidate> equal;
-  for (const Candidate& c : candidates)
-    if (c.score >= candidates[0].score - kEqual) equal.push_back(c);
-  const Candidate chosen = *std::min_element(
-      equal.begin(), equal.end(),
-      [&](const Candidate& a, const Candidate& b) { return amount(a.pose) < amount(b.pose); });
+  const Solid& moving_;
+  const RegistrationOptions& options_;
+  Moments from_, to_;
+  double size_;  // radius of gyration, mm
+  TriangleTree tree_;
+  SampleTree coarse_tree_;
+  Fit coarse_, fit_;
+};
 
-  // A fit that can't match is found with fewer points: what follows only counts them.
-  const bool hopeless = chosen.score < 1.7 * options.least_share_if_sharp;
-  const auto many = hopeless ? some : samples_of(moving.surface, from.area, options.points);
-  const Refined last = refined(fit, many, chosen.pose, 0.2, kLeastScale, options.most_iterations);
-  SurfaceRegistration result;
-  result.motion = last.pose;
-  result.iterations = last.iterations;
-  result.converged = last.converged;
-  result.angle_deg = units::to_degree(angle_between(last.pose.orientation, Quat::Identity()));
-  result.shift_mm = (last.pose.to_world(from.centroid) - from.centroid).norm();
-  const auto matches = fit.matches(many, last.pose);
+void measure_residuals(const std::vector<Match>& matches, double scale,
+                       SurfaceRegistration& result) {
   std::vector<double> inliers;
   double squares = 0;
   for (const Match& m : matches) {
-    if (Fit::weight(m, last.scale) == 0) continue;
+    if (Fit::weight(m, scale) == 0) continue;
     inliers.push_back(m.distance);
     squares += std::pow(m.normal.dot(m.offset), 2);
   }
-  if (!inliers.empty()) {
-    result.residual_rms_mm = std::sqrt(squares / static_cast<double>(inliers.size()));
-    std::sort(inliers.begin(), inliers.end());
-    const double rank = std::ceil(0.95 * static_cast<double>(inliers.size())) - 1;
-    result.residual_p95_mm = inliers[static_cast<std::size_t>(std::max(0.0, rank))];
-  }
   result.inlier_share = static_cast<double>(inliers.size()) / static_cast<double>(matches.size());
-  result.agreeing_share = share_within(matches, options.agree_mm);
-  const double sharp = share_within(matches, options.sharp_mm);
-  const bool fits = result.agreeing_share >= options.least_share ||
-                    (result.agreeing_share >= options.least_share_if_sharp &&
-                     sharp >= 0.7 * result.agreeing_share);
-  if (!fits)
-    throw InputError(moving.file, "",
-                     fmt::format("the teeth don't match: only {:.0f} % of its surface agrees "
-                                 "within {:g} mm with that of ",
-                                 100 * result.agreeing_share, options.agree_mm) +
-                         fixed.file,
-                     "are they of the same tooth?");
+  if (inliers.empty()) return;
+  result.residual_rms_mm = std::sqrt(squares / static_cast<double>(inliers.size()));
+  result.residual_p95_mm = quantile(std::move(inliers), 0.95);
+}
+
+// Notes of what is doubtful, from the share of the surface that agrees sharply on.
+void note_doubts(const Refined& last, const std::vector<Candidate>& equal, double sharp,
+                 const RegistrationOptions& options, SurfaceRegistration& result) {
   constexpr double kLoose = 0.6;
   if (sharp < kLoose * result.agreeing_share)
     result.notes.push_back(
@@ -468,6 +470,50 @@ SurfaceRegistration register_surfaces(const Solid& moving, const Solid& fixed,
     result.notes.push_back(
         "the shape leaves one direction open (it turns or slides along itself): the placement "
         "along it is a guess");
+}
+
+}  // namespace
+
+SurfaceRegistration register_surfaces(const Solid& moving, const Solid& fixed,
+                                      const RegistrationOptions& options) {
+  const Search search(moving, fixed, options);
+  const std::vector<Candidate> candidates = search.candidates();
+
+  // Of those that fit equally well the one that turns least, then shifts least.
+  constexpr double kEqual = 0.01;
+  std::vector<Candidate> equal;
+  for (const Candidate& c : candidates)
+    if (c.score >= candidates[0].score - kEqual) equal.push_back(c);
+  const Candidate chosen =
+      *std::min_element(equal.begin(), equal.end(), [&](const Candidate& a, const Candidate& b) {
+        return search.amount(a.pose) < search.amount(b.pose);
+      });
+
+  // A fit that can't match is found with fewer points: what follows only counts them.
+  const bool hopeless = chosen.score < 1.7 * options.least_share_if_sharp;
+  const auto many = search.samples(hopeless ? Search::kSomeSamples : options.points);
+  const Refined last =
+      refined(search.fit(), many, chosen.pose, 0.2, kLeastScale, options.most_iterations);
+  SurfaceRegistration result;
+  result.motion = last.pose;
+  result.iterations = last.iterations;
+  result.converged = last.converged;
+  result.angle_deg = units::to_degree(angle_between(last.pose.orientation, Quat::Identity()));
+  result.shift_mm = (last.pose.to_world(search.centroid()) - search.centroid()).norm();
+  const auto matches = search.fit().matches(many, last.pose);
+  measure_residuals(matches, last.scale, result);
+  result.agreeing_share = share_within(matches, options.agree_mm);
+  const double sharp = share_within(matches, options.sharp_mm);
+  const bool fits = result.agreeing_share >= options.least_share ||
+                    (result.agreeing_share >= options.least_share_if_sharp &&
+                     sharp >= 0.7 * result.agreeing_share);
+  if (!fits)
+    throw InputError(moving.file, "",
+                     fmt::format("the teeth don't match: only {:.0f} % of its surface agrees "
+                                 "within {:g} mm with that of {}",
+                                 100 * result.agreeing_share, options.agree_mm, fixed.file),
+                     "are they of the same tooth?");
+  note_doubts(last, equal, sharp, options, result);
   return result;
 }
 

@@ -61,116 +61,126 @@ std::vector<std::string> tissues(const std::string& name, const std::string& uni
   return names;
 }
 
+using S = StepRecord;
+constexpr Storage kReal = Storage::kDouble;
+
+std::vector<TraceColumn> motion_columns() {
+  return {{"/time",
+           "s",
+           1,
+           kReal,
+           true,
+           false,
+           {"time_s"},
+           [](const S& r, double* v) { *v = r.handle.time; },
+           [](S& r, const double* v) { r.handle.time = *v; }},
+          {"/handle/position", "mm", 3, kReal, true, false, xyz("handle", "mm"),
+           [](const S& r, double* v) { Eigen::Map<Vec3>(v, 3) = r.handle.pose.position; },
+           [](S& r, const double* v) { r.handle.pose.position = Vec3(v[0], v[1], v[2]); }},
+          {"/handle/orientation", "1", 4, kReal, true, false, quaternion("handle"),
+           [](const S& r, double* v) { get_quaternion(r.handle.pose.orientation, v); },
+           [](S& r, const double* v) { r.handle.pose.orientation = Quat(v[3], v[0], v[1], v[2]); }},
+          {"/handle/buttons",
+           "1",
+           1,
+           Storage::kUint32,
+           false,
+           false,
+           {"handle_buttons"},
+           [](const S& r, double* v) { *v = r.handle.buttons; },
+           [](S& r, const double* v) { r.handle.buttons = static_cast<std::uint32_t>(*v); }},
+          {"/bur/position", "mm", 3, kReal, true, false, xyz("bur", "mm"),
+           [](const S& r, double* v) { Eigen::Map<Vec3>(v, 3) = r.bur.position; },
+           [](S& r, const double* v) { r.bur.position = Vec3(v[0], v[1], v[2]); }},
+          {"/bur/orientation", "1", 4, kReal, true, false, quaternion("bur"),
+           [](const S& r, double* v) { get_quaternion(r.bur.orientation, v); },
+           [](S& r, const double* v) { r.bur.orientation = Quat(v[3], v[0], v[1], v[2]); }},
+          {"/bur/velocity", "mm/s", 3, kReal, true, false, xyz("bur_velocity", "mm_s"),
+           get_vector<&S::bur_velocity>, set_vector<&S::bur_velocity>}};
+}
+
+std::vector<TraceColumn> force_columns() {
+  return {{"/force/grinding", "N", 3, kReal, true, false, xyz("force_grinding", "N"),
+           get_vector<&S::grinding_force>, set_vector<&S::grinding_force>},
+          {"/force/device", "N", 3, kReal, true, false, xyz("force_device", "N"),
+           get_vector<&S::device_force>, set_vector<&S::device_force>},
+          {"/torque",
+           "mN*m",
+           1,
+           kReal,
+           true,
+           false,
+           {"torque_mNm"},
+           get_number<&S::torque>,
+           set_number<&S::torque>},
+          {"/torque_trial",
+           "mN*m",
+           1,
+           kReal,
+           true,
+           false,
+           {"torque_trial_mNm"},
+           get_number<&S::torque_trial>,
+           set_number<&S::torque_trial>},
+          {"/power",
+           "W",
+           1,
+           kReal,
+           true,
+           false,
+           {"power_W"},
+           [](const S& r, double* v) { *v = units::to_watt(r.power); },
+           [](S& r, const double* v) { r.power = from_watt(*v); }},
+          {"/rotation_rate",
+           "rev/s",
+           1,
+           kReal,
+           true,
+           false,
+           {"rotation_rate_rev_s"},
+           get_number<&S::rotation_rate>,
+           set_number<&S::rotation_rate>},
+          {"/stalled",
+           "1",
+           1,
+           Storage::kUint8,
+           true,
+           false,
+           {"stalled"},
+           [](const S& r, double* v) { *v = r.stalled ? 1 : 0; },
+           [](S& r, const double* v) { r.stalled_fraction = r.stalled = *v != 0; }},
+          {"/stalled_fraction",
+           "1",
+           1,
+           kReal,
+           false,  // absent in traces of version 0.1, where a step was stalled as a whole
+           false,
+           {"stalled_fraction"},
+           get_number<&S::stalled_fraction>,
+           set_number<&S::stalled_fraction>}};
+}
+
+std::vector<TraceColumn> tissue_columns() {
+  return {{"/contact/area", "mm^2", kTissueCount, kReal, true, true, tissues("contact", "_mm2"),
+           get_tissues<&S::contact_area>, set_tissues<&S::contact_area>},
+          {"/contact/shank_area",
+           "mm^2",
+           1,
+           kReal,
+           false,
+           false,
+           {"contact_shank_mm2"},
+           get_number<&S::shank_contact_area>,
+           set_number<&S::shank_contact_area>},
+          {"/removed/volume", "mm^3", kTissueCount, kReal, true, true, tissues("removed", "_mm3"),
+           get_tissues<&S::removed_volume>, set_tissues<&S::removed_volume>}};
+}
+
 std::vector<TraceColumn> make_columns() {
-  using S = StepRecord;
-  const Storage real = Storage::kDouble;
-  std::vector<TraceColumn> c;
-  c.push_back({"/time",
-               "s",
-               1,
-               real,
-               true,
-               false,
-               {"time_s"},
-               [](const S& r, double* v) { *v = r.handle.time; },
-               [](S& r, const double* v) { r.handle.time = *v; }});
-  c.push_back({"/handle/position", "mm", 3, real, true, false, xyz("handle", "mm"),
-               [](const S& r, double* v) { Eigen::Map<Vec3>(v, 3) = r.handle.pose.position; },
-               [](S& r, const double* v) { r.handle.pose.position = Vec3(v[0], v[1], v[2]); }});
-  c.push_back(
-      {"/handle/orientation", "1", 4, real, true, false, quaternion("handle"),
-       [](const S& r, double* v) { get_quaternion(r.handle.pose.orientation, v); },
-       [](S& r, const double* v) { r.handle.pose.orientation = Quat(v[3], v[0], v[1], v[2]); }});
-  c.push_back({"/handle/buttons",
-               "1",
-               1,
-               Storage::kUint32,
-               false,
-               false,
-               {"handle_buttons"},
-               [](const S& r, double* v) { *v = r.handle.buttons; },
-               [](S& r, const double* v) { r.handle.buttons = static_cast<std::uint32_t>(*v); }});
-  c.push_back({"/bur/position", "mm", 3, real, true, false, xyz("bur", "mm"),
-               [](const S& r, double* v) { Eigen::Map<Vec3>(v, 3) = r.bur.position; },
-               [](S& r, const double* v) { r.bur.position = Vec3(v[0], v[1], v[2]); }});
-  c.push_back({"/bur/orientation", "1", 4, real, true, false, quaternion("bur"),
-               [](const S& r, double* v) { get_quaternion(r.bur.orientation, v); },
-               [](S& r, const double* v) { r.bur.orientation = Quat(v[3], v[0], v[1], v[2]); }});
-  c.push_back({"/bur/velocity", "mm/s", 3, real, true, false, xyz("bur_velocity", "mm_s"),
-               get_vector<&S::bur_velocity>, set_vector<&S::bur_velocity>});
-  c.push_back({"/force/grinding", "N", 3, real, true, false, xyz("force_grinding", "N"),
-               get_vector<&S::grinding_force>, set_vector<&S::grinding_force>});
-  c.push_back({"/force/device", "N", 3, real, true, false, xyz("force_device", "N"),
-               get_vector<&S::device_force>, set_vector<&S::device_force>});
-  c.push_back({"/torque",
-               "mN*m",
-               1,
-               real,
-               true,
-               false,
-               {"torque_mNm"},
-               get_number<&S::torque>,
-               set_number<&S::torque>});
-  c.push_back({"/torque_trial",
-               "mN*m",
-               1,
-               real,
-               true,
-               false,
-               {"torque_trial_mNm"},
-               get_number<&S::torque_trial>,
-               set_number<&S::torque_trial>});
-  c.push_back({"/power",
-               "W",
-               1,
-               real,
-               true,
-               false,
-               {"power_W"},
-               [](const S& r, double* v) { *v = units::to_watt(r.power); },
-               [](S& r, const double* v) { r.power = from_watt(*v); }});
-  c.push_back({"/rotation_rate",
-               "rev/s",
-               1,
-               real,
-               true,
-               false,
-               {"rotation_rate_rev_s"},
-               get_number<&S::rotation_rate>,
-               set_number<&S::rotation_rate>});
-  c.push_back({"/stalled",
-               "1",
-               1,
-               Storage::kUint8,
-               true,
-               false,
-               {"stalled"},
-               [](const S& r, double* v) { *v = r.stalled ? 1 : 0; },
-               [](S& r, const double* v) { r.stalled_fraction = r.stalled = *v != 0; }});
-  c.push_back({"/stalled_fraction",
-               "1",
-               1,
-               real,
-               false,  // absent in traces of version 0.1, where a step was stalled as a whole
-               false,
-               {"stalled_fraction"},
-               get_number<&S::stalled_fraction>,
-               set_number<&S::stalled_fraction>});
-  c.push_back({"/contact/area", "mm^2", kTissueCount, real, true, true, tissues("contact", "_mm2"),
-               get_tissues<&S::contact_area>, set_tissues<&S::contact_area>});
-  c.push_back({"/contact/shank_area",
-               "mm^2",
-               1,
-               real,
-               false,
-               false,
-               {"contact_shank_mm2"},
-               get_number<&S::shank_contact_area>,
-               set_number<&S::shank_contact_area>});
-  c.push_back({"/removed/volume", "mm^3", kTissueCount, real, true, true,
-               tissues("removed", "_mm3"), get_tissues<&S::removed_volume>,
-               set_tissues<&S::removed_volume>});
-  return c;
+  std::vector<TraceColumn> all;
+  for (const auto& columns : {motion_columns(), force_columns(), tissue_columns()})
+    all.insert(all.end(), columns.begin(), columns.end());
+  return all;
 }
 
 }  // namespace

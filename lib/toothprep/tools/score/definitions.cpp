@@ -25,76 +25,92 @@ struct Row {
   std::string unit, name, definition, source;
 };
 
-std::vector<QuantityDefinition> make_table() {
-  const std::vector<std::string> tissues = {"enamel", "dentin", "pulp", "other"};
-  // u and v: where mesial and buccal aren't known.
-  const std::vector<std::string> sides = {"mesial", "distal",  "buccal", "lingual",
-                                          "u_plus", "u_minus", "v_plus", "v_minus"};
-  std::vector<std::string> walls = sides;
-  walls.push_back("axial");
-  for (const std::string& side : sides) walls.push_back("proximal_" + side);
-  std::vector<std::string> tissues_and_total = tissues;
-  tissues_and_total.push_back("total");
-  const std::vector<std::string> single;  // not a group
-  const std::vector<Row> volumes = {
-      {"removed_mm3", tissues_and_total, "mm^3", "removed volume",
+using Names = std::vector<std::string>;
+using Rows = std::vector<Row>;
+
+Names with(Names names, const std::string& name) {
+  names.push_back(name);
+  return names;
+}
+
+const Names kSingle;  // not a group
+const Names kTissues = {"enamel", "dentin", "pulp", "other"};
+// u and v: where mesial and buccal aren't known.
+const Names kSides = {"mesial", "distal",  "buccal", "lingual",
+                      "u_plus", "u_minus", "v_plus", "v_minus"};
+
+Names walls() {
+  Names names = with(kSides, "axial");
+  for (const std::string& side : kSides) names.push_back("proximal_" + side);
+  return names;
+}
+
+Rows volume_rows() {
+  return {
+      {"removed_mm3", with(kTissues, "total"), "mm^3", "removed volume",
        "Volume that the original tooth has and the prepared one has not, per tissue of the "
        "original and in all; by partial voxels.",
        kBuilt},
-      {"required_mm3", single, "mm^3", "volume to be removed",
+      {"required_mm3", kSingle, "mm^3", "volume to be removed",
        "Volume that the original tooth has and the target has not.", kBuilt},
-      {"removed_inside_mm3", single, "mm^3", "removed where it should be",
+      {"removed_inside_mm3", kSingle, "mm^3", "removed where it should be",
        "The part of the removed volume that was to be removed.", kBuilt},
-      {"over_prepared_mm3", single, "mm^3", "over-prepared volume",
+      {"over_prepared_mm3", kSingle, "mm^3", "over-prepared volume",
        "The part of the removed volume that the target keeps.", kBuilt},
-      {"over_prepared_by_tissue_mm3", tissues, "mm^3", "over-prepared volume",
+      {"over_prepared_by_tissue_mm3", kTissues, "mm^3", "over-prepared volume",
        "The over-prepared volume, per tissue of the original.", kBuilt},
-      {"under_prepared_mm3", single, "mm^3", "under-prepared volume",
+      {"under_prepared_mm3", kSingle, "mm^3", "under-prepared volume",
        "The volume that was to be removed and is still there.", kBuilt},
-      {"dice", single, "1", "overlap with the target (Dice)",
+      {"dice", kSingle, "1", "overlap with the target (Dice)",
        "2 R/(removed + to be removed), R = what was removed of what was to be "
        "removed: 1 when both are the same, 0 when they have nothing in common.",
        "Dice, Ecology 1945;26:297-302"},
-      {"neighbour_damage_mm3", single, "mm^3", "damage to the neighbouring tooth",
+      {"neighbour_damage_mm3", kSingle, "mm^3", "damage to the neighbouring tooth",
        "Volume removed of what the tooth file calls `other` (a neighbouring tooth).",
        "any contact counts as damage: Medeiros and Seddon, J Dent 2000"},
   };
-  const std::vector<Row> deviation = {
-      {"deviation_mean_mm", single, "mm", "mean deviation from the target",
+}
+
+Rows deviation_rows() {
+  return {
+      {"deviation_mean_mm", kSingle, "mm", "mean deviation from the target",
        "Mean, by area, of the signed distance from the prepared surface to the target's, where "
        "either was cut: positive where material was left, negative where too much was taken.",
        kBuilt},
-      {"deviation_rms_mm", single, "mm", "RMS deviation",
+      {"deviation_rms_mm", kSingle, "mm", "RMS deviation",
        "Root of the mean square, by area, of that distance.", kBuilt},
-      {"deviation_p95_mm", single, "mm", "95 % deviation",
+      {"deviation_p95_mm", kSingle, "mm", "95 % deviation",
        "The distance that 95 % of that area do not exceed.", kBuilt},
-      {"hausdorff_mm", single, "mm", "largest deviation (Hausdorff)",
+      {"hausdorff_mm", kSingle, "mm", "largest deviation (Hausdorff)",
        "The larger of the largest distance from the prepared surface to the target's and the "
        "largest one back, where either was cut.",
        "Hausdorff distance, as in Cignoni et al., Comput Graph Forum 1998;17:167-174"},
-      {"deviation_within_0_1mm", single, "1", "share within 0.1 mm",
+      {"deviation_within_0_1mm", kSingle, "1", "share within 0.1 mm",
        "Share of that area that lies within 0.1 mm of the target's surface.", kCompare},
-      {"deviation_within_0_2mm", single, "1", "share within 0.2 mm",
+      {"deviation_within_0_2mm", kSingle, "1", "share within 0.2 mm",
        "Share of that area that lies within 0.2 mm of the target's surface.", kCompare},
-      {"registration_rms_mm", single, "mm", "registration residual",
+      {"registration_rms_mm", kSingle, "mm", "registration residual",
        "RMS distance between the unprepared surfaces of both teeth after they were laid on each "
        "other. What it leaves adds to every other figure.",
        kBuilt},
   };
-  const std::vector<Row> cavity = {
-      {"depth_mm", single, "mm", "cavity depth",
+}
+
+Rows cavity_rows() {
+  return {
+      {"depth_mm", kSingle, "mm", "cavity depth",
        "Median distance, along the occlusal axis, from the (pulpal) floor up to the original "
        "surface.",
        kSturdevant},
-      {"depth_min_mm", single, "mm", "least depth",
+      {"depth_min_mm", kSingle, "mm", "least depth",
        "The 5 % value of the distance from the floor up to the original surface.", kBuilt},
-      {"depth_max_mm", single, "mm", "largest depth",
+      {"depth_max_mm", kSingle, "mm", "largest depth",
        "The 95 % value of the distance from the floor up to the original surface.", kBuilt},
-      {"floor_flatness_mm", single, "mm", "floor flatness",
+      {"floor_flatness_mm", kSingle, "mm", "floor flatness",
        "RMS distance of the floor, away from its line angles, from its best plane.", kBuilt},
-      {"floor_tilt_deg", single, "deg", "floor tilt",
+      {"floor_tilt_deg", kSingle, "deg", "floor tilt",
        "Angle between the normal of the floor's best plane and the occlusal axis.", kBuilt},
-      {"wall_angles_deg", walls, "deg", "wall angle",
+      {"wall_angles_deg", walls(), "deg", "wall angle",
        "Angle of the wall, over the middle third of its height, to the occlusal axis: positive "
        "when the wall faces the opening, so that the form draws; negative when it is undercut. "
        "Where the tooth's sides aren't known: u and v. Of a box: axial, and proximal walls.",
@@ -107,169 +123,183 @@ std::vector<QuantityDefinition> make_table() {
        "they converge toward the occlusal surface (a crown's stump), negative for a cavity that "
        "opens.",
        kGoodacre},
-      {"wall_height_mm", single, "mm", "wall height",
+      {"wall_height_mm", kSingle, "mm", "wall height",
        "Median height of the walls along the axis, from the floor or margin at their foot to the "
        "edge above.",
        kGoodacre},
-      {"width_mm", single, "mm", "width",
+      {"width_mm", kSingle, "mm", "width",
        "Buccolingual extent of the cavity at half its depth (98 % of the walls' area lie within "
        "it).",
        kBuilt},
-      {"isthmus_width_mm", single, "mm", "isthmus width",
+      {"isthmus_width_mm", kSingle, "mm", "isthmus width",
        "Smallest buccolingual width of the cavity along its length, at half its depth, in slices "
        "of two voxels.",
        kSturdevant},
-      {"length_mm", single, "mm", "length",
+      {"length_mm", kSingle, "mm", "length",
        "Mesiodistal extent of the cavity at half its depth (98 % of the walls' area lie within "
        "it).",
        kBuilt},
   };
-  const std::vector<Row> box = {
-      {"gingival_depth_mm", single, "mm", "depth of the gingival floor",
+}
+
+Rows box_rows() {
+  return {
+      {"gingival_depth_mm", kSingle, "mm", "depth of the gingival floor",
        "Median distance, along the occlusal axis, from the gingival floor of the box up to the "
        "original surface.",
        kBuilt},
-      {"gingival_floor_flatness_mm", single, "mm", "flatness of the gingival floor",
+      {"gingival_floor_flatness_mm", kSingle, "mm", "flatness of the gingival floor",
        "RMS distance of the gingival floor, away from its line angles, from its best plane.",
        kBuilt},
-      {"gingival_floor_tilt_deg", single, "deg", "tilt of the gingival floor",
+      {"gingival_floor_tilt_deg", kSingle, "deg", "tilt of the gingival floor",
        "Angle between the normal of the gingival floor's best plane and the occlusal axis.",
        kBuilt},
-      {"axial_depth_mm", single, "mm", "axial depth of the box",
+      {"axial_depth_mm", kSingle, "mm", "axial depth of the box",
        "Median distance from the axial wall, over the middle third of its height, out to the "
        "original proximal surface.",
        kClass2},
-      {"axial_wall_height_mm", single, "mm", "height of the axial wall",
+      {"axial_wall_height_mm", kSingle, "mm", "height of the axial wall",
        "Height of the pulpal floor's plane above the middle of the gingival floor, along the axis.",
        kBuilt},
-      {"box_width_mm", single, "mm", "width of the box",
+      {"box_width_mm", kSingle, "mm", "width of the box",
        "Distance between the proximal walls of the box at the middle of their height.", kBuilt},
-      {"box_clearance_mm", single, "mm", "clearance of the box",
+      {"box_clearance_mm", kSingle, "mm", "clearance of the box",
        "Smallest distance from the box's outline below the pulpal floor to the neighbouring tooth; "
        "only where the tooth file has one.",
        "the box clears the neighbour by 0.5 mm (Class II preparation texts)"},
   };
-  const std::vector<Row> crown = {
-      {"margin_width_mm", single, "mm", "margin width",
+}
+
+Rows crown_rows() {
+  return {
+      {"margin_width_mm", kSingle, "mm", "margin width",
        "Median, along the finish line, of the distance across the axis to the axial wall extended "
        "down to it: of a shoulder, a chamfer and a bevel alike.",
        "Dental Advisor; guide of IPS e.max"},
-      {"margin_width_min_mm", single, "mm", "least margin width",
+      {"margin_width_min_mm", kSingle, "mm", "least margin width",
        "The 5 % value, along the finish line, of the margin's width.", kBuilt},
-      {"margin_width_max_mm", single, "mm", "largest margin width",
+      {"margin_width_max_mm", kSingle, "mm", "largest margin width",
        "The 95 % value, along the finish line, of the margin's width.", kBuilt},
-      {"margin_continuity", single, "1", "continuity of the margin",
+      {"margin_continuity", kSingle, "1", "continuity of the margin",
        "Share of the circumference, in steps of 5 degrees, where the margin is wider than 0.2 mm.",
        kBuilt},
-      {"occlusal_reduction_mm", single, "mm", "occlusal reduction",
+      {"occlusal_reduction_mm", kSingle, "mm", "occlusal reduction",
        "Median distance, along the occlusal axis, from the stump's occlusal surface up to the "
        "original one.",
        kGoodacre},
-      {"occlusal_reduction_min_mm", single, "mm", "least occlusal reduction",
+      {"occlusal_reduction_min_mm", kSingle, "mm", "least occlusal reduction",
        "The 5 % value of the distance from the stump's occlusal surface up to the original one.",
        kBuilt},
-      {"axial_reduction_mm", sides, "mm", "axial reduction",
+      {"axial_reduction_mm", kSides, "mm", "axial reduction",
        "Median distance, across the axis, from the axial wall out to the original surface, on that "
        "side, over the middle third of the wall's height.",
        kBuilt},
-      {"axial_reduction_min_mm", single, "mm", "least axial reduction",
+      {"axial_reduction_min_mm", kSingle, "mm", "least axial reduction",
        "The 5 % value of that distance over all sides.", kBuilt},
   };
-  const std::vector<Row> surface = {
-      {"undercut_max_mm", single, "mm", "deepest undercut",
+}
+
+Rows surface_rows() {
+  return {
+      {"undercut_max_mm", kSingle, "mm", "deepest undercut",
        "Along the best path of draw: how far, across the path, the deepest place lies behind what "
        "stands above it, as much as would have to be blocked out. Below the threshold (0.03 mm "
        "unless set otherwise) there is none.",
        "raw facets over-report: roughness of scans was flagged as undercut on 25 of 26 teeth "
        "(prepCheck, poster of the Harvard School of Dental Medicine)"},
-      {"undercut_area_mm2", single, "mm^2", "undercut area",
+      {"undercut_area_mm2", kSingle, "mm^2", "undercut area",
        "Area of the cut surface that is undercut along the best path of draw by more than the "
        "threshold.",
        kBuilt},
-      {"undercut_along_axis_mm", single, "mm", "deepest undercut along the axis",
+      {"undercut_along_axis_mm", kSingle, "mm", "deepest undercut along the axis",
        "The same along the occlusal axis instead of the best path of draw.", kBuilt},
-      {"path_of_draw_tilt_deg", single, "deg", "tilt of the path of draw",
+      {"path_of_draw_tilt_deg", kSingle, "deg", "tilt of the path of draw",
        "Angle between the path along which the form draws best and the occlusal axis.", kBuilt},
-      {"remaining_dentin_min_mm", single, "mm", "remaining dentin",
+      {"remaining_dentin_min_mm", kSingle, "mm", "remaining dentin",
        "Smallest distance from the cut surface to the pulp.",
        "at least 2 mm ideal, 0.5 mm to avoid irreversible damage: IJBTE (UBT) 6(2)"},
-      {"pulp_exposed", single, "yes/no", "pulp exposed",
+      {"pulp_exposed", kSingle, "yes/no", "pulp exposed",
        "Whether the cut reaches into the pulp by more than what the voxel size leaves open.",
        kBuilt},
-      {"surface_roughness_mm", single, "mm", "surface roughness",
+      {"surface_roughness_mm", kSingle, "mm", "surface roughness",
        "RMS distance of the cut surface from the quadratic surface fitted to what lies within 0.4 "
        "mm, away from line angles: form is taken out, marks of the bur stay.",
        kBuilt},
-      {"line_angle_radius_mm", single, "mm", "radius of the line angles",
+      {"line_angle_radius_mm", kSingle, "mm", "radius of the line angles",
        "Median radius of the rounding between the walls and the floor at their foot.",
        "rounded line angles: Goodacre et al. 2001"},
   };
-  const std::vector<Row> process = {
-      {"process.time_s", single, "s", "time", "From the recording's first row to its last.",
+}
+
+Rows process_rows() {
+  return {
+      {"process.time_s", kSingle, "s", "time", "From the recording's first row to its last.",
        kRecording},
-      {"process.contact_time_s", single, "s", "time in contact",
+      {"process.contact_time_s", kSingle, "s", "time in contact",
        "Time of the steps in contact: the bur advances into tissue, or removes some.", kRecording},
-      {"process.cutting_time_s", single, "s", "cutting time",
+      {"process.cutting_time_s", kSingle, "s", "cutting time",
        "Time of the steps in contact in which the bur is not stalled.", kRecording},
-      {"process.path_mm", single, "mm", "path of the bur",
+      {"process.path_mm", kSingle, "mm", "path of the bur",
        "Length of the way of the bur's tip, step by step.", kRecording},
-      {"process.path_cutting_mm", single, "mm", "path while cutting",
+      {"process.path_cutting_mm", kSingle, "mm", "path while cutting",
        "The part of the path that was made in cutting steps.", kRecording},
-      {"process.mean_speed_mm_s", single, "mm/s", "mean speed", "Path over time.", kRecording},
-      {"process.mean_feed_mm_s", single, "mm/s", "mean feed",
+      {"process.mean_speed_mm_s", kSingle, "mm/s", "mean speed", "Path over time.", kRecording},
+      {"process.mean_feed_mm_s", kSingle, "mm/s", "mean feed",
        "Path while cutting over cutting time.", kRecording},
-      {"process.peak_force_n", single, "N", "peak force",
+      {"process.peak_force_n", kSingle, "N", "peak force",
        "Largest grinding force on the bur in contact.", kRecording},
-      {"process.force_p95_n", single, "N", "95 % force",
+      {"process.force_p95_n", kSingle, "N", "95 % force",
        "The grinding force that is not exceeded in 95 % of the time in contact.", kRecording},
-      {"process.peak_device_force_n", single, "N", "peak force felt",
+      {"process.peak_device_force_n", kSingle, "N", "peak force felt",
        "Largest force that the operator felt while the bur was in contact.", kRecording},
-      {"process.device_force_p95_n", single, "N", "95 % force felt",
+      {"process.device_force_p95_n", kSingle, "N", "95 % force felt",
        "The force felt by the operator that is not exceeded in 95 % of the time in contact.",
        kRecording},
-      {"process.time_above_force_limit_s", single, "s", "time above the force limit",
+      {"process.time_above_force_limit_s", kSingle, "s", "time above the force limit",
        "Time in contact with a grinding force above the limit (2 N unless set otherwise).",
        "the limit is a convention"},
-      {"process.mean_power_w", single, "W", "mean grinding power",
+      {"process.mean_power_w", kSingle, "W", "mean grinding power",
        "Energy over cutting time. Nearly all of it heats the tooth, the chips and the water.",
        kRecording},
-      {"process.peak_power_w", single, "W", "peak grinding power", "Largest grinding power.",
+      {"process.peak_power_w", kSingle, "W", "peak grinding power", "Largest grinding power.",
        kRecording},
-      {"process.time_above_power_limit_s", single, "s", "time above the power limit",
+      {"process.time_above_power_limit_s", kSingle, "s", "time above the power limit",
        "Time with a grinding power above the limit (1 W unless set otherwise): heating, and "
        "only for comparison, since the cooling is not modelled.",
        "the limit is a convention"},
-      {"process.energy_j", single, "J", "grinding energy", "The grinding power, summed over time.",
+      {"process.energy_j", kSingle, "J", "grinding energy", "The grinding power, summed over time.",
        kRecording},
-      {"process.stalls", single, "count", "stalls", "How often the bur began to stall.",
+      {"process.stalls", kSingle, "count", "stalls", "How often the bur began to stall.",
        kRecording},
-      {"process.stalled_time_s", single, "s", "stalled time", "Time of the stalled steps.",
+      {"process.stalled_time_s", kSingle, "s", "stalled time", "Time of the stalled steps.",
        kRecording},
-      {"process.pulp_contact_s", single, "s", "contact with the pulp",
+      {"process.pulp_contact_s", kSingle, "s", "contact with the pulp",
        "Time in which the bur advanced into the pulp or removed some.", kRecording},
-      {"process.neighbour_contact_s", single, "s", "contact with the neighbouring tooth",
+      {"process.neighbour_contact_s", kSingle, "s", "contact with the neighbouring tooth",
        "Time in which the bur advanced into what the tooth file calls `other`, or removed "
        "some.",
        "any contact counts as damage: Medeiros and Seddon, J Dent 2000"},
-      {"process.max_lag_mm", single, "mm", "largest lag",
+      {"process.max_lag_mm", kSingle, "mm", "largest lag",
        "Largest distance between the handle and the bur that hangs on it.", kRecording},
-      {"process.removal_rate_mm3_s", single, "mm^3/s", "removal rate",
+      {"process.removal_rate_mm3_s", kSingle, "mm^3/s", "removal rate",
        "Removed volume over cutting time: efficiency.", kRecording},
-      {"process.contact_episodes", single, "count", "contact episodes",
+      {"process.contact_episodes", kSingle, "count", "contact episodes",
        "How often the bur came into contact; interruptions below 0.1 s don't count.", kRecording},
   };
+}
+
+std::vector<QuantityDefinition> make_table() {
+  const std::pair<const char*, Rows> sections[] = {{"Volumes", volume_rows()},
+                                                   {"Deviation from the target", deviation_rows()},
+                                                   {"Floor, walls, widths", cavity_rows()},
+                                                   {"Proximal box", box_rows()},
+                                                   {"Crown", crown_rows()},
+                                                   {"Path of draw, pulp, surface", surface_rows()},
+                                                   {"Process", process_rows()}};
   std::vector<QuantityDefinition> table;
-  const auto add = [&table](const std::string& section, const std::vector<Row>& rows) {
+  for (const auto& [section, rows] : sections)
     for (const Row& r : rows)
       table.push_back({section, r.key, r.members, r.unit, r.name, r.definition, r.source});
-  };
-  add("Volumes", volumes);
-  add("Deviation from the target", deviation);
-  add("Floor, walls, widths", cavity);
-  add("Proximal box", box);
-  add("Crown", crown);
-  add("Path of draw, pulp, surface", surface);
-  add("Process", process);
   return table;
 }
 

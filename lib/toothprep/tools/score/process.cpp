@@ -67,111 +67,127 @@ const char* name_of(ProcessEventKind kind) noexcept {
   return "";
 }
 
-ProcessFigures process_figures(const std::vector<StepRecord>& rows, const ProcessOptions& options) {
-  check(rows, options);
+namespace {
 
-  double contact_time = 0, cutting_time = 0, stalled_time = 0, pulp_time = 0, other_time = 0;
-  double above_force = 0, above_power = 0;
-  double path = 0, path_cutting = 0, energy = 0, removed_total = 0;
-  double peak_power = 0, lag = 0;
-  int stalls = 0;
-  std::vector<WeightedValue> forces, felt;
-  Episodes contacts(ProcessEventKind::kContact, options.shortest_gap);
-  Episodes stall_spans(ProcessEventKind::kStall, options.shortest_gap);
-  Episodes pulp_spans(ProcessEventKind::kPulp, options.shortest_gap);
-  Episodes other_spans(ProcessEventKind::kNeighbour, options.shortest_gap);
-  Episodes force_spans(ProcessEventKind::kForceLimit, options.shortest_gap);
+// The sums over a recording, row by row.
+class Process {
+ public:
+  Process(const StepRecord& first, const ProcessOptions& options)
+      : options_(options),
+        contacts_(ProcessEventKind::kContact, options.shortest_gap),
+        stall_spans_(ProcessEventKind::kStall, options.shortest_gap),
+        pulp_spans_(ProcessEventKind::kPulp, options.shortest_gap),
+        other_spans_(ProcessEventKind::kNeighbour, options.shortest_gap),
+        force_spans_(ProcessEventKind::kForceLimit, options.shortest_gap),
+        lag_((first.handle.pose.position - first.bur.position).norm()) {}
 
-  lag = (rows[0].handle.pose.position - rows[0].bur.position).norm();
-  for (std::size_t i = 1; i < rows.size(); ++i) {
-    const StepRecord& before = rows[i - 1];
-    const StepRecord& row = rows[i];
+  void add(const StepRecord& before, const StepRecord& row) {
     const double begin = before.handle.time, end = row.handle.time, h = end - begin;
-
     PerTissue<bool> touched{};
     bool contact = false;
     for (int k = 0; k < kTissueCount; ++k) {
       const double removed = std::max(0.0, row.removed_volume[k] - before.removed_volume[k]);
-      removed_total += removed;
+      removed_total_ += removed;
       touched[k] = row.contact_area[k] > 0 || removed > 0;
       contact |= touched[k];
     }
-    const bool cutting = contact && !row.stalled;
-
     const double moved = (row.bur.position - before.bur.position).norm();
-    path += moved;
-    lag = std::max(lag, (row.handle.pose.position - row.bur.position).norm());
-    energy += row.power * h;
-    peak_power = std::max(peak_power, row.power);
-    if (row.power > options.power_limit) above_power += h;
+    path_ += moved;
+    lag_ = std::max(lag_, (row.handle.pose.position - row.bur.position).norm());
+    energy_ += row.power * h;
+    peak_power_ = std::max(peak_power_, row.power);
+    if (row.power > options_.power_limit) above_power_ += h;
     if (row.stalled) {
-      stalled_time += h;
-      stalls += !before.stalled;
-      stall_spans.add(begin, end);
+      stalled_time_ += h;
+      stalls_ += !before.stalled;
+      stall_spans_.add(begin, end);
     }
-    if (cutting) {
-      cutting_time += h;
-      path_cutting += moved;
+    if (contact && !row.stalled) {
+      cutting_time_ += h;
+      path_cutting_ += moved;
     }
-    if (contact) {
-      contact_time += h;
-      contacts.add(begin, end);
-      forces.push_back({row.grinding_force.norm(), h});
-      felt.push_back({row.device_force.norm(), h});
-      if (forces.back().value > options.force_limit) {
-        above_force += h;
-        force_spans.add(begin, end);
-      }
-    }
+    if (contact) add_contact(row, begin, end);
     if (touched[kPulpIndex]) {
-      pulp_time += h;
-      pulp_spans.add(begin, end);
+      pulp_time_ += h;
+      pulp_spans_.add(begin, end);
     }
     if (touched[kOtherIndex]) {
-      other_time += h;
-      other_spans.add(begin, end);
+      other_time_ += h;
+      other_spans_.add(begin, end);
     }
   }
 
-  const double time = rows.back().handle.time - rows.front().handle.time;
-  ProcessFigures result;
-  const auto add = [&](const std::string& name, double value) {
-    const std::string key = "process." + name;
-    result.quantities.push_back({key, value, NAN, find_definition(key)->unit});
-  };
-  add("time_s", time);
-  add("contact_time_s", contact_time);
-  add("cutting_time_s", cutting_time);
-  add("path_mm", path);
-  add("path_cutting_mm", path_cutting);
-  add("mean_speed_mm_s", path / time);
-  if (cutting_time > 0) add("mean_feed_mm_s", path_cutting / cutting_time);
-  if (!forces.empty()) {
-    add("peak_force_n", largest(forces));
-    add("force_p95_n", weighted_quantile(forces, 0.95));
-    add("peak_device_force_n", largest(felt));
-    add("device_force_p95_n", weighted_quantile(felt, 0.95));
+  ProcessFigures figures(double time) const {
+    ProcessFigures result;
+    const auto put = [&](const std::string& name, double value) {
+      const std::string key = "process." + name;
+      result.quantities.push_back({key, value, NAN, find_definition(key)->unit});
+    };
+    put("time_s", time);
+    put("contact_time_s", contact_time_);
+    put("cutting_time_s", cutting_time_);
+    put("path_mm", path_);
+    put("path_cutting_mm", path_cutting_);
+    put("mean_speed_mm_s", path_ / time);
+    if (cutting_time_ > 0) put("mean_feed_mm_s", path_cutting_ / cutting_time_);
+    if (!forces_.empty()) {
+      put("peak_force_n", largest(forces_));
+      put("force_p95_n", weighted_quantile(forces_, 0.95));
+      put("peak_device_force_n", largest(felt_));
+      put("device_force_p95_n", weighted_quantile(felt_, 0.95));
+    }
+    put("time_above_force_limit_s", above_force_);
+    // N·mm is mJ, N·mm/s is mW.
+    if (cutting_time_ > 0) put("mean_power_w", units::to_watt(energy_ / cutting_time_));
+    put("peak_power_w", units::to_watt(peak_power_));
+    put("time_above_power_limit_s", above_power_);
+    put("energy_j", units::to_watt(energy_));
+    put("stalls", stalls_);
+    put("stalled_time_s", stalled_time_);
+    put("pulp_contact_s", pulp_time_);
+    put("neighbour_contact_s", other_time_);
+    put("max_lag_mm", lag_);
+    if (cutting_time_ > 0) put("removal_rate_mm3_s", removed_total_ / cutting_time_);
+    put("contact_episodes", static_cast<double>(contacts_.spans().size()));
+    for (const Episodes* episodes :
+         {&contacts_, &stall_spans_, &pulp_spans_, &other_spans_, &force_spans_})
+      result.events.insert(result.events.end(), episodes->spans().begin(), episodes->spans().end());
+    std::stable_sort(
+        result.events.begin(), result.events.end(),
+        [](const ProcessEvent& a, const ProcessEvent& b) { return a.begin < b.begin; });
+    return result;
   }
-  add("time_above_force_limit_s", above_force);
-  // N·mm is mJ, N·mm/s is mW.
-  if (cutting_time > 0) add("mean_power_w", units::to_watt(energy / cutting_time));
-  add("peak_power_w", units::to_watt(peak_power));
-  add("time_above_power_limit_s", above_power);
-  add("energy_j", units::to_watt(energy));
-  add("stalls", stalls);
-  add("stalled_time_s", stalled_time);
-  add("pulp_contact_s", pulp_time);
-  add("neighbour_contact_s", other_time);
-  add("max_lag_mm", lag);
-  if (cutting_time > 0) add("removal_rate_mm3_s", removed_total / cutting_time);
-  add("contact_episodes", static_cast<double>(contacts.spans().size()));
 
-  for (const Episodes* episodes :
-       {&contacts, &stall_spans, &pulp_spans, &other_spans, &force_spans})
-    result.events.insert(result.events.end(), episodes->spans().begin(), episodes->spans().end());
-  std::stable_sort(result.events.begin(), result.events.end(),
-                   [](const ProcessEvent& a, const ProcessEvent& b) { return a.begin < b.begin; });
-  return result;
+ private:
+  void add_contact(const StepRecord& row, double begin, double end) {
+    const double h = end - begin;
+    contact_time_ += h;
+    contacts_.add(begin, end);
+    forces_.push_back({row.grinding_force.norm(), h});
+    felt_.push_back({row.device_force.norm(), h});
+    if (forces_.back().value > options_.force_limit) {
+      above_force_ += h;
+      force_spans_.add(begin, end);
+    }
+  }
+
+  const ProcessOptions& options_;
+  Episodes contacts_, stall_spans_, pulp_spans_, other_spans_, force_spans_;
+  std::vector<WeightedValue> forces_, felt_;  // N, by the time they lasted
+  double contact_time_ = 0, cutting_time_ = 0, stalled_time_ = 0, pulp_time_ = 0, other_time_ = 0;
+  double above_force_ = 0, above_power_ = 0;
+  double path_ = 0, path_cutting_ = 0, energy_ = 0, removed_total_ = 0;
+  double peak_power_ = 0, lag_ = 0;
+  int stalls_ = 0;
+};
+
+}  // namespace
+
+ProcessFigures process_figures(const std::vector<StepRecord>& rows, const ProcessOptions& options) {
+  check(rows, options);
+  Process process(rows.front(), options);
+  for (std::size_t i = 1; i < rows.size(); ++i) process.add(rows[i - 1], rows[i]);
+  return process.figures(rows.back().handle.time - rows.front().handle.time);
 }
 
 }  // namespace toothprep

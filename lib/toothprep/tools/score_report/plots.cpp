@@ -227,115 +227,148 @@ TracePlot trace_plot(const std::vector<StepRecord>& rows, const std::vector<Proc
   return plot;
 }
 
-std::string trace_svg(const TracePlot& plot) {
-  constexpr double kWidth = 860, kLeft = 142, kRight = 20, kTop = 8, kLane = 17, kGap = 30;
-  constexpr double kForce = 180, kPower = 90, kBottom = 46;
+namespace {
+
+// The plot of a recording: lanes of events over a panel of forces and one of power.
+class TraceDrawing {
+ public:
+  explicit TraceDrawing(const TracePlot& plot) : plot_(plot) {
+    for (const ProcessEventKind kind :
+         {ProcessEventKind::kContact, ProcessEventKind::kForceLimit, ProcessEventKind::kStall,
+          ProcessEventKind::kPulp, ProcessEventKind::kNeighbour})
+      if (count(kind) > 0) lanes_.push_back(kind);
+    const double force_top = kTop + kLane * static_cast<double>(lanes_.size()) + kGap;
+    const double power_top = force_top + kForce + kGap;
+    height_ = power_top + kPower + kBottom;
+    double most_force = 0, most_power = 0;
+    for (const Column& c : plot.columns) {
+      most_force = std::max({most_force, c.force_most, c.felt_most});
+      most_power = std::max(most_power, c.power_most);
+    }
+    time_ = {plot.begin, plot.end, kLeft, kRightEdge};
+    force_ = {0, round_up(most_force), force_top + kForce, force_top};
+    power_ = {0, round_up(most_power), power_top + kPower, power_top};
+  }
+
+  std::string svg() {
+    svg_ = svg_head("Forces, power and events of the recording", kWidth, height_);
+    shade();  // first, then what is drawn over it
+    draw_lanes();
+    draw_panel(force_, 4, "force, N");
+    draw_panel(power_, 2, "grinding power, W (largest)");
+    draw_envelope(
+        force_, [](const Column& c) { return c.felt_least; },
+        [](const Column& c) { return c.felt_most; }, "curve-felt");
+    draw_envelope(
+        force_, [](const Column& c) { return c.force_least; },
+        [](const Column& c) { return c.force_most; }, "curve-force");
+    draw_envelope(
+        power_, [](const Column&) { return 0.0; }, [](const Column& c) { return c.power_most; },
+        "curve-power");
+    draw_limit(force_, plot_.force_limit, " N");
+    draw_limit(power_, plot_.power_limit, " W");
+    draw_key();
+    draw_time();
+    return svg_ + "</svg>\n";
+  }
+
+ private:
   using Column = TracePlot::Column;
+  static constexpr double kWidth = 860, kLeft = 142, kRightEdge = 840, kTop = 8, kLane = 17;
+  static constexpr double kGap = 30, kForce = 180, kPower = 90, kBottom = 46;
 
-  const std::array kinds = {ProcessEventKind::kContact, ProcessEventKind::kForceLimit,
-                            ProcessEventKind::kStall, ProcessEventKind::kPulp,
-                            ProcessEventKind::kNeighbour};
-  const auto count = [&](ProcessEventKind kind) {
-    return std::count_if(plot.events.begin(), plot.events.end(),
+  std::ptrdiff_t count(ProcessEventKind kind) const {
+    return std::count_if(plot_.events.begin(), plot_.events.end(),
                          [&](const ProcessEvent& e) { return e.kind == kind; });
-  };
-  std::vector<ProcessEventKind> lanes;
-  for (const ProcessEventKind kind : kinds)
-    if (count(kind) > 0) lanes.push_back(kind);
+  }
 
-  const double force_top = kTop + kLane * static_cast<double>(lanes.size()) + kGap;
-  const double force_bottom = force_top + kForce, power_top = force_bottom + kGap;
-  const double power_bottom = power_top + kPower, height = power_bottom + kBottom;
-  const Axis time{plot.begin, plot.end, kLeft, kWidth - kRight};
-  double most_force = 0, most_power = 0;
-  for (const Column& c : plot.columns) {
-    most_force = std::max({most_force, c.force_most, c.felt_most});
-    most_power = std::max(most_power, c.power_most);
+  void shade() {
+    for (const ProcessEvent& e : plot_.events) {
+      if (e.kind == ProcessEventKind::kContact || e.kind == ProcessEventKind::kForceLimit) continue;
+      const double from = time_(e.begin), width = std::max(1.0, time_(e.end) - from);
+      const std::string style = std::string(style_of(e.kind)) + " shade";
+      for (const Axis* y : {&force_, &power_})
+        svg_ += rect(from, y->to, width, y->from - y->to, style.c_str());
+    }
   }
-  const Axis force{0, round_up(most_force), force_bottom, force_top};
-  const Axis power{0, round_up(most_power), power_bottom, power_top};
 
-  std::string svg = svg_head("Forces, power and events of the recording", kWidth, height);
-  // Shading first, then what is drawn over it.
-  for (const ProcessEvent& e : plot.events) {
-    if (e.kind == ProcessEventKind::kContact || e.kind == ProcessEventKind::kForceLimit) continue;
-    const double from = time(e.begin), width = std::max(1.0, time(e.end) - from);
-    const std::string style = std::string(style_of(e.kind)) + " shade";
-    for (const auto& [top, bottom] :
-         {std::pair(force_top, force_bottom), std::pair(power_top, power_bottom)})
-      svg += rect(from, top, width, bottom - top, style.c_str());
+  void draw_lanes() {
+    double top = kTop;
+    for (const ProcessEventKind kind : lanes_) {
+      const std::string name = name_of(kind);
+      svg_ += text(
+          kLeft - 8, top + 12, "end", "small",
+          name +
+              (kind == ProcessEventKind::kContact ? "" : " \u00d7" + std::to_string(count(kind))));
+      svg_ += rect(kLeft, top + 2, kRightEdge - kLeft, kLane - 5, "lane");
+      for (const ProcessEvent& e : plot_.events)
+        if (e.kind == kind)
+          svg_ +=
+              rect(time_(e.begin), top + 2, std::max(1.5, time_(e.end) - time_(e.begin)), kLane - 5,
+                   style_of(kind),
+                   name + ", " + short_number(e.begin, 2) + " to " + short_number(e.end, 2) + " s");
+      top += kLane;
+    }
   }
-  double lane_top = kTop;
-  for (const ProcessEventKind kind : lanes) {
-    svg += text(
-        kLeft - 8, lane_top + 12, "end", "small",
-        std::string(name_of(kind)) +
-            (kind == ProcessEventKind::kContact ? "" : " \u00d7" + std::to_string(count(kind))));
-    svg += rect(kLeft, lane_top + 2, kWidth - kRight - kLeft, kLane - 5, "lane");
-    for (const ProcessEvent& e : plot.events)
-      if (e.kind == kind)
-        svg += rect(time(e.begin), lane_top + 2, std::max(1.5, time(e.end) - time(e.begin)),
-                    kLane - 5, style_of(kind),
-                    std::string(name_of(kind)) + ", " + short_number(e.begin, 2) + " to " +
-                        short_number(e.end, 2) + " s");
-    lane_top += kLane;
-  }
-  const auto panel = [&](const Axis& y, int least, const std::string& title) {
+
+  void draw_panel(const Axis& y, int least, const std::string& title) {
     const double step = tick_step(y.high, least);
     for (const double v : ticks(y, step)) {
-      svg += line(kLeft, y(v), kWidth - kRight, y(v), v == 0 ? "axis" : "grid");
-      svg += text(kLeft - 8, y(v) + 4, "end", "small", tick_text(v, step));
+      svg_ += line(kLeft, y(v), kRightEdge, y(v), v == 0 ? "axis" : "grid");
+      svg_ += text(kLeft - 8, y(v) + 4, "end", "small", tick_text(v, step));
     }
-    svg += text(kLeft, y.to - 9, "start", "small", title);
-  };
-  panel(force, 4, "force, N");
-  panel(power, 2, "grinding power, W (largest)");
+    svg_ += text(kLeft, y.to - 9, "start", "small", title);
+  }
 
   // From least to most, column by column: a band that is a line where little changes.
-  const auto envelope = [&](const Axis& y, auto least, auto most, const char* style) {
+  template <class Least, class Most>
+  void draw_envelope(const Axis& y, Least least, Most most, const char* style) {
     std::string there, back;
-    for (std::size_t i = 0; i < plot.columns.size(); ++i) {
-      const Column& c = plot.columns[i];
+    for (std::size_t i = 0; i < plot_.columns.size(); ++i) {
+      const Column& c = plot_.columns[i];
       if (!c.any) continue;
-      const double at = kLeft + (kWidth - kRight - kLeft) * (static_cast<double>(i) + 0.5) /
-                                    static_cast<double>(plot.columns.size());
+      const double at = kLeft + (kRightEdge - kLeft) * (static_cast<double>(i) + 0.5) /
+                                    static_cast<double>(plot_.columns.size());
       there += (there.empty() ? "M" : "L") + short_number(at) + " " + short_number(y(most(c)));
       back = "L" + short_number(at) + " " + short_number(y(least(c))) + back;
     }
     if (!there.empty())
-      svg += std::string("<path class=\"") + style + "\" d=\"" + there + back + "Z\"/>\n";
-  };
-  envelope(
-      force, [](const Column& c) { return c.felt_least; },
-      [](const Column& c) { return c.felt_most; }, "curve-felt");
-  envelope(
-      force, [](const Column& c) { return c.force_least; },
-      [](const Column& c) { return c.force_most; }, "curve-force");
-  envelope(
-      power, [](const Column&) { return 0.0; }, [](const Column& c) { return c.power_most; },
-      "curve-power");
-
-  for (const auto& [y, limit, unit] :
-       {std::tuple(force, plot.force_limit, " N"), std::tuple(power, plot.power_limit, " W")})
-    if (limit > 0 && limit <= y.high) {
-      svg += line(kLeft, y(limit), kWidth - kRight, y(limit), "limit");
-      svg += text(kWidth - kRight, y(limit) - 4, "end", "small limit-text",
-                  "limit " + short_number(limit) + unit);
-    }
-  // Which curve is which.
-  const double key = kWidth - kRight;
-  svg += rect(key - 236, force_top - 18, 14, 9, "curve-force") +
-         text(key - 218, force_top - 9, "start", "small", "grinding force") +
-         rect(key - 112, force_top - 18, 14, 9, "curve-felt") +
-         text(key - 94, force_top - 9, "start", "small", "felt by the hand");
-
-  const double step = tick_step(plot.end - plot.begin, 6);
-  for (const double v : ticks(time, step)) {
-    svg += line(time(v), power_bottom, time(v), power_bottom + 5, "axis");
-    svg += text(time(v), power_bottom + 19, "middle", "small", tick_text(v, step));
+      svg_ += std::string("<path class=\"") + style + "\" d=\"" + there + back + "Z\"/>\n";
   }
-  svg += text((kLeft + kWidth - kRight) / 2, height - 8, "middle", "small", "time, s");
-  return svg + "</svg>\n";
-}
+
+  void draw_limit(const Axis& y, double limit, const char* unit) {
+    if (!(limit > 0 && limit <= y.high)) return;
+    svg_ += line(kLeft, y(limit), kRightEdge, y(limit), "limit");
+    svg_ += text(kRightEdge, y(limit) - 4, "end", "small limit-text",
+                 "limit " + short_number(limit) + unit);
+  }
+
+  // Which curve is which.
+  void draw_key() {
+    svg_ += rect(kRightEdge - 236, force_.to - 18, 14, 9, "curve-force") +
+            text(kRightEdge - 218, force_.to - 9, "start", "small", "grinding force") +
+            rect(kRightEdge - 112, force_.to - 18, 14, 9, "curve-felt") +
+            text(kRightEdge - 94, force_.to - 9, "start", "small", "felt by the hand");
+  }
+
+  void draw_time() {
+    const double step = tick_step(plot_.end - plot_.begin, 6), bottom = power_.from;
+    for (const double v : ticks(time_, step)) {
+      svg_ += line(time_(v), bottom, time_(v), bottom + 5, "axis");
+      svg_ += text(time_(v), bottom + 19, "middle", "small", tick_text(v, step));
+    }
+    svg_ += text((kLeft + kRightEdge) / 2, height_ - 8, "middle", "small", "time, s");
+  }
+
+  const TracePlot& plot_;
+  std::vector<ProcessEventKind> lanes_;
+  Axis time_{}, force_{}, power_{};
+  double height_ = 0;
+  std::string svg_;
+};
+
+}  // namespace
+
+std::string trace_svg(const TracePlot& plot) { return TraceDrawing(plot).svg(); }
 
 }  // namespace toothprep
