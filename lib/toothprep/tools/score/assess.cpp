@@ -72,8 +72,7 @@ Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions&
                                 "by {:.3g} mm, residual {:.3g} mm (RMS)",
                                 registration.angle_deg, registration.shift_mm,
                                 registration.residual_rms_mm));
-    if (std::string(role) == "prepared")
-      quantities.push_back({"registration_rms_mm", registration.residual_rms_mm, NAN, "mm"});
+    quantities.push_back({"registration_rms_mm", registration.residual_rms_mm, NAN, "mm"});
     skin = std::max(skin, kResiduals * registration.residual_rms_mm);
   }
   if (!is_identity(motion) || !solid.layered || !original.layered ||
@@ -108,7 +107,7 @@ Assessment assess(const AssessmentOptions& options) {
       placed(prepared, result.original, options, "prepared", quantities, sheet.notes, skin);
   if (!options.target.empty()) {
     input("target", options.target);
-    Quantities unused;
+    Quantities unused;  // the score's residual is that of the prepared tooth
     result.target = placed(read_solid(options.target, voxel), result.original, options, "target",
                            unused, sheet.notes, skin);
   }
