@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 
 #include "command.h"
@@ -20,7 +19,8 @@
 #include "toothprep/tools/calibrate/motion.h"
 #include "toothprep/tools/calibrate/spindle.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -97,13 +97,6 @@ ForceReading force_reading(const Options& o) {
   r.on_tooth = o.force_on == "tooth";
   r.range = o.range;
   return r;
-}
-
-void write_text(const std::string& text, const std::string& path) {
-  std::ofstream out(path, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw Error(path + ": cannot be written");
 }
 
 void tell(const FitResult& fit, const Common& common) {
@@ -302,10 +295,17 @@ void fit_handle(const std::vector<MeasuredRecording>& recordings,
 }
 
 void run(const Options& o, const Common& common) {
-  OutputFile output(o.output, o.force);
-  std::unique_ptr<OutputFile> report, params_out;
-  if (!o.report.empty()) report = std::make_unique<OutputFile>(o.report, o.force, true, "fit.json");
-  if (!o.params_out.empty()) params_out = std::make_unique<OutputFile>(o.params_out, o.force);
+  Outputs outputs(o.force);
+  outputs.reads({o.tooth, o.bur, o.params});
+  outputs.reads(o.measured);
+  const std::string output = outputs.file(o.output, {".json"});
+  const std::string report = outputs.optional_folder(o.report);
+  const std::string params_out = outputs.optional_file(o.params_out, {".toml"});
+  outputs.begin();
+  const bool plots = !report.empty() && !o.no_plots && run_script("plot-calibration", {"--check"});
+  if (!report.empty() && !o.no_plots && !plots)
+    warn("plot-calibration cannot run (python3-numpy, python3-matplotlib): " + o.report +
+         " gets the tables only");
   const bool coupled = o.drive == "coupled";
   if (o.fit_droop && o.rotation_rate)
     throw Error(
@@ -362,20 +362,15 @@ void run(const Options& o, const Common& common) {
                 f);
 
   const std::string json = fit_json(f.result, sources);
-  write_text(json, output.temporary());
-  if (params_out) {
-    write_text(fitted_parameters_toml(f.result, parameters, sources), params_out->temporary());
-    params_out->commit();
+  write_file(output, json);
+  if (!params_out.empty())
+    write_file(params_out, fitted_parameters_toml(f.result, parameters, sources));
+  if (!report.empty()) {
+    write_file(report + "/fit.json", json);
+    write_plot_tables(f.result, f.recordings, report);
+    if (plots && !run_script("plot-calibration", {report})) throw Error("plot-calibration failed");
   }
-  if (report) {
-    write_text(json, report->temporary() + "/fit.json");
-    write_plot_tables(f.result, f.recordings, report->temporary());
-    if (!o.no_plots && !run_script("plot-calibration", {report->temporary()}))
-      warn("the plots could not be drawn (scripts/plot-calibration); the tables are in " +
-           o.report);
-    report->commit();
-  }
-  output.commit();
+  outputs.publish();
   tell(f.result, common);
   if (o.json) std::fputs(json.c_str(), stdout);
 }

@@ -37,6 +37,8 @@ void add_cavity(CLI::App& specimen, const Common& common);
 void say(const Common& common, const std::string& line);
 void warn(const std::string& line);  // "warning: ..." on stderr, also when quiet
 
+bool has_extension(const std::string& path, const std::string& extension);  // ".ply", any case
+
 // Folder of the shipped data (burs, trajectories): $TOOTHPREP_DATA, beside the sources, or
 // installed.
 std::string data_folder();

@@ -1,20 +1,12 @@
 #include "drawn.h"
 
-#include <cctype>
-#include <filesystem>
-
+#include "command.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/render/ply_values.h"
 #include "toothprep/tools/shells/shells.h"
 
 namespace toothprep::app {
-
-bool has_extension(const std::string& path, const std::string& extension) {
-  std::string end = std::filesystem::path(path).extension().string();
-  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return end == extension;
-}
 
 Drawn read_drawn(const std::string& path) {
   Drawn drawn;

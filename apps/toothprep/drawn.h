@@ -16,6 +16,4 @@ struct Drawn {
 // A tooth (.vdb) or a mesh with the tissues of its vertices, if it tells them. Throws InputError.
 Drawn read_drawn(const std::string& path);
 
-bool has_extension(const std::string& path, const std::string& extension);  // ".ply", any case
-
 }  // namespace toothprep::app

@@ -2,9 +2,8 @@
 #include <memory>
 
 #include "command.h"
-#include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/trace.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 
 namespace toothprep::app {
 namespace {
@@ -15,12 +14,13 @@ struct Options {
 };
 
 void run(const Options& o, const Common& common) {
-  if (!o.output.ends_with(".csv"))
-    throw Error(o.output + ": only .csv is written; name the output so");
-  OutputFile output(o.output, o.force);
+  Outputs outputs(o.force);
+  outputs.reads({o.trace});
+  const std::string table = outputs.file(o.output, {".csv"});
+  outputs.begin();
   const Trace trace = read_trace(o.trace);
-  write_trace_csv(trace, output.temporary());
-  output.commit();
+  write_trace_csv(trace, table);
+  outputs.publish();
   say(common, o.output + ": " + std::to_string(trace.rows.size()) + " rows");
 }
 

@@ -10,12 +10,13 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <sstream>
 
 #include "command.h"
 #include "drawn.h"
 #include "toothprep/proof/figures/experiment.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/render/overlay.h"
 #include "toothprep/tools/render/renderer.h"
 #include "toothprep/version.h"
@@ -70,7 +71,10 @@ void run(const Options& o, const Common& common) {
     return;
   }
   if (o.output.empty()) throw CLI::RequiredError("--output");
-  OutputFile output(o.output, o.force, true, "figures.json");
+  Outputs outputs(o.force);
+  outputs.reads({folder, o.params, data_folder()});
+  const std::string output = outputs.folder(o.output);
+  outputs.begin();
   const std::string script = "plot-figures";
   if (!o.no_plots && !run_script(script, {"--check"}))
     throw Error(script +
@@ -86,7 +90,7 @@ void run(const Options& o, const Common& common) {
   if (o.engine == "voxel") options.engines = {EngineKind::kVoxel};
   options.bur_library = data_folder() + "/burs";
   options.version = kVersion;
-  options.output = output.temporary();
+  options.output = output;
   const bool terminal = !common.quiet && isatty(2);
   options.progress = [&](int done, int all, const std::string& what) {
     if (terminal)
@@ -98,17 +102,16 @@ void run(const Options& o, const Common& common) {
   if (terminal) std::fprintf(stderr, "\r%-60s\r", "");
   if (!o.no_plots) {
     say(common, "drawing");
-    std::vector<std::string> arguments = {output.temporary()};
+    std::vector<std::string> arguments = {output};
     if (common.quiet) arguments.push_back("--quiet");
     if (!run_script(script, arguments)) throw Error(script + " failed");
     for (const figures::FigureReport& f : reports)
-      for (const figures::Picture& picture : f.pictures) draw_surfaces(picture, output.temporary());
+      for (const figures::Picture& picture : f.pictures) draw_surfaces(picture, output);
   }
-  output.commit();
-  if (o.json) {
-    std::ifstream table(o.output + "/figures.json");
-    std::cout << table.rdbuf();
-  }
+  std::ostringstream table;
+  if (o.json) table << std::ifstream(output + "/figures.json").rdbuf();
+  outputs.publish();
+  std::cout << table.str();
 
   std::size_t claims = 0, failing = 0;
   for (const figures::FigureReport& f : reports)

@@ -5,8 +5,6 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <csignal>
-#include <filesystem>
 #include <iostream>
 #include <limits>
 #include <memory>
@@ -22,7 +20,7 @@
 #include "toothprep/tools/display/display_surface.h"
 #include "toothprep/tools/files/session_recorder.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/live/live_watch.h"
 #include "toothprep/tools/live/tick_statistics.h"
 #include "toothprep/tools/rig_check/protocol.h"
@@ -192,8 +190,6 @@ class Signals {
     sigemptyset(&set_);
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&set_, signal);
     pthread_sigmask(SIG_BLOCK, &set_, &before_);
-    std::signal(SIGXFSZ,
-                SIG_IGN);  // a full disk is an error of the recording, not the program's end
   }
   ~Signals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
   Signals(const Signals&) = delete;
@@ -273,6 +269,12 @@ void tell_ticks(const Common& common, const TickStatistics& t) {
                           t.step.quantile(0.5), t.step.quantile(0.999), t.step.worst()));
 }
 
+RecorderOptions recording_of(const Options& o) {
+  RecorderOptions options;
+  options.replace = o.force;
+  return options;
+}
+
 // ---- The two kinds of run
 
 Vec3 start_above(const LayeredTooth& tooth, const Registration& registration) {
@@ -302,12 +304,17 @@ void finish(const Options& o, const Common& common, const LiveEnd& end, SessionR
   if (recorder.dropped() > 0)
     warn(fmt::format("{} ticks could not be recorded", recorder.dropped()));
   say(common, o.output + ": " + std::to_string(recorder.rows()) + " rows; ended by: " + end.reason);
-  if (o.json) std::cout << report_json(sinks.statistics, end, o, device).dump(2) << '\n';
+  if (o.json)
+    std::cout << report_json(sinks.statistics, end, o, device)
+                     .dump(2, ' ', false, nlohmann::json::error_handler_t::replace)
+              << '\n';
   if (end.fault) throw Error(end.reason + " (recorded in " + o.output + ")");
   if (!failure.empty()) throw Error(failure);
 }
 
-void run_session(const Options& o, const Common& common, Signals& signals) {
+void run_session(const Options& o, const Common& common, Signals& signals, Outputs& outputs) {
+  const std::string prepared = outputs.optional_file(o.prepared, {".vdb"});
+  outputs.begin();
   const Parameters parameters = load_parameters(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
   const Registration registration =
@@ -315,8 +322,6 @@ void run_session(const Options& o, const Common& common, Signals& signals) {
   if (registration.translation && !o.start.empty())
     throw Error(o.registration +
                 ": has a translation, so --start-mm can't say where the hand starts");
-  std::unique_ptr<OutputFile> prepared;
-  if (!o.prepared.empty()) prepared = std::make_unique<OutputFile>(o.prepared, o.force);
   LayeredTooth tooth = read_tooth(o.session.tooth);
   Vec3 start = start_above(tooth, registration);
   if (!o.start.empty())
@@ -355,7 +360,7 @@ void run_session(const Options& o, const Common& common, Signals& signals) {
     options.rate = o.display_hz;
     display = std::make_unique<DisplaySurface>(workpiece, options);
   }
-  SessionRecorder recorder(o.output, header);
+  SessionRecorder recorder(o.output, header, recording_of(o));
   Sinks sinks(&recorder, display.get());
   LiveLoop loop(limits, {button_mask(o.pedal), button_mask(o.clutch)}, &sinks);
   std::unique_ptr<Session> session;
@@ -393,15 +398,22 @@ void run_session(const Options& o, const Common& common, Signals& signals) {
             "display: {:.1f} passes/s, {} blocks redone, latency {:.0f} ms median, {:.0f} ms worst",
             d.rate, d.blocks, 1e3 * d.latency_median, 1e3 * d.latency_worst));
   }
-  if (prepared) {
+  std::string failure;
+  if (!prepared.empty()) {
     apply_remaining_solid(tooth, workpiece.remaining_solid());
-    write_tooth(tooth, prepared->temporary());
-    prepared->commit();
+    try {
+      write_tooth(tooth, prepared);
+      outputs.publish();
+    } catch (const Error& e) {  // the recording is finished all the same
+      failure = e.what();
+    }
   }
   finish(o, common, end, recorder, audit, sinks, *device);
+  if (!failure.empty()) throw Error(failure);
 }
 
-void run_protocol(const Options& o, const Common& common, Signals& signals) {
+void run_protocol(const Options& o, const Common& common, Signals& signals, Outputs& outputs) {
+  outputs.begin();
   const Protocol protocol = parse_protocol(o.protocol);
   const auto device = open_device(o, [&] { return hand_for(protocol); });
   for (const auto& note : device->limits().notes) warn(note);
@@ -419,7 +431,7 @@ void run_protocol(const Options& o, const Common& common, Signals& signals) {
   header.protocol = print_protocol(protocol);
 
   say(common, "active check: " + header.protocol + "; hold the stylus lightly (rest: not at all)");
-  SessionRecorder recorder(o.output, header);
+  SessionRecorder recorder(o.output, header, recording_of(o));
   Sinks sinks(&recorder, nullptr);
   ProbeLoop loop(limits, protocol_force(protocol, limits.period), &sinks);
   LiveWatch watch = watch_for(o, common, signals, &recorder);
@@ -436,13 +448,14 @@ void run(const Options& o, const Common& common) {
     if (o.session.bur.empty()) throw CLI::RequiredError("--bur");
     if (o.session.tooth.empty()) throw CLI::RequiredError("--tooth");
   }
-  if (!o.force && std::filesystem::exists(o.output))
-    throw Error(o.output + ": exists; give --force to replace it");
+  Outputs outputs(o.force);
+  outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.registration, o.hand});
+  outputs.growing(o.output, {".h5", ".hdf5"});
   Signals signals;
   if (o.protocol.empty())
-    run_session(o, common, signals);
+    run_session(o, common, signals, outputs);
   else
-    run_protocol(o, common, signals);
+    run_protocol(o, common, signals, outputs);
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
 // The toothprep binary: parses the command line, runs one subcommand, turns errors into one line.
-#include <spawn.h>
-#include <sys/wait.h>
+#include <signal.h>
 #include <tbb/global_control.h>
 #include <unistd.h>
 
+#include <cctype>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -13,6 +13,8 @@
 
 #include "command.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/child_process.h"
+#include "toothprep/tools/io/part.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -21,6 +23,12 @@ void say(const Common& common, const std::string& line) {
   if (!common.quiet) std::cerr << line << '\n';
 }
 void warn(const std::string& line) { std::cerr << "warning: " << line << '\n'; }
+
+bool has_extension(const std::string& path, const std::string& extension) {
+  std::string end = std::filesystem::path(path).extension().string();
+  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return end == extension;
+}
 
 std::string data_folder() {
   namespace fs = std::filesystem;
@@ -42,14 +50,13 @@ bool run_script(const std::string& name, const std::vector<std::string>& argumen
       ((fs::is_directory(installed, error) ? installed : data / ".." / "scripts") / name)
           .lexically_normal()
           .string();
-  std::vector<char*> argv = {const_cast<char*>(script.c_str())};
-  for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
-  argv.push_back(nullptr);
-  pid_t child = 0;
-  if (posix_spawn(&child, script.c_str(), nullptr, nullptr, argv.data(), environ) != 0)
+  std::vector<std::string> line = {script};
+  line.insert(line.end(), arguments.begin(), arguments.end());
+  try {
+    return ChildProcess(line).wait().good();
+  } catch (const Error&) {  // can't be started
     return false;
-  int status = 0;
-  return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  }
 }
 
 namespace {
@@ -87,6 +94,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
+  if (!std::cout.flush() || std::fflush(stdout) != 0) throw Error("stdout cannot be written");
   return 0;
 }
 
@@ -94,12 +102,14 @@ int run(int argc, char** argv) {
 }  // namespace toothprep::app
 
 int main(int argc, char** argv) {
+  signal(SIGXFSZ, SIG_IGN);  // a file that gets too large is an error, not the program's end
   try {
     return toothprep::app::run(argc, argv);
   } catch (const std::bad_alloc&) {
     std::cerr << "toothprep: not enough memory for this input\n";
   } catch (const std::exception& e) {
-    std::cerr << "toothprep: " << toothprep::app::one_line(e.what()) << '\n';
+    std::cerr << "toothprep: " << toothprep::app::one_line(toothprep::with_shown_names(e.what()))
+              << '\n';
   } catch (...) {
     std::cerr << "toothprep: unknown failure\n";
   }

@@ -7,7 +7,7 @@
 #include "command.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/mesh/surface.h"
 
 namespace toothprep::app {
@@ -25,15 +25,17 @@ const std::map<std::string, SurfaceOf> kSurfaces = {{"all", SurfaceOf::kAll},
                                                     {"pulp", SurfaceOf::kPulp}};
 
 void run(const Options& o, const Common& common) {
-  check_mesh_name(o.output);
-  OutputFile output(o.output, o.force);
+  Outputs outputs(o.force);
+  outputs.reads({o.tooth});
+  const std::string output = outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk"});
+  outputs.begin();
   const TriangleMesh mesh = extract_surface(read_tooth(o.tooth), kSurfaces.at(o.tissue));
   if (mesh.triangles.empty())
     throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",
                      "nothing remains, so there is no surface",
                      o.tissue == "all" ? "" : "choose another --tissue");
-  write_mesh(mesh, output.temporary());
-  output.commit();
+  write_mesh(mesh, output);
+  outputs.publish();
   say(common, fmt::format("{}: {} triangles around {:.4g} mm^3{}", o.output, mesh.triangles.size(),
                           mesh_volume_mm3(mesh), o.tissue == "all" ? "" : " of " + o.tissue));
 }

@@ -11,7 +11,7 @@
 #include "drawn.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 #include "toothprep/tools/render/image.h"
 #include "toothprep/tools/render/overlay.h"
@@ -116,17 +116,18 @@ void check(const Options& o) {
     if (!o.before.empty()) throw Error("--turntable and --before don't go together");
     return;
   }
-  const bool exr = has_extension(o.output, ".exr");
-  if (!exr && !has_extension(o.output, ".png"))
-    throw InputError(o.output, "", "a picture is written as .png or .exr");
-  if (exr && !o.before.empty())
+  if (has_extension(o.output, ".exr") && !o.before.empty())
     throw InputError(o.output, "--before", "two teeth side by side are a .png");
 }
 
 void run(const Options& o, const Common& common) {
   check(o);
   const Fit fit = fit_of(o);
-  OutputFile output(o.output, o.force, o.turntable > 0);
+  Outputs outputs(o.force);
+  outputs.reads({o.input, o.reference, o.before, o.ghost});
+  const std::string output =
+      o.turntable > 0 ? outputs.folder(o.output) : outputs.file(o.output, {".png", ".exr"});
+  outputs.begin();
 
   Drawn drawn = read_drawn(o.input);
   find_deviation(o, drawn.part);
@@ -162,26 +163,26 @@ void run(const Options& o, const Common& common) {
   }
 
   if (o.turntable > 0) {
-    drawing.turntable(renderer, output.temporary());
+    drawing.turntable(renderer, output);
   } else if (!o.before.empty()) {
     Drawn before = read_drawn(o.before);
     std::vector<RenderPart> alone;
     alone.push_back(std::move(before.part));
     Picture picture = drawing.before_after(Renderer(std::move(alone)), renderer);
     if (o.colour == "deviation" && !o.no_scale) draw_colour_bar(picture, o.range);
-    write_png(picture, output.temporary());
+    write_png(picture, output);
   } else {
     const Image image =
         renderer.render(fit_camera(drawing.view, renderer.meshes(), fit), drawing.options);
     if (has_extension(o.output, ".exr")) {
-      write_exr(image, output.temporary(), {{"software", std::string("toothprep ") + kVersion}});
+      write_exr(image, output, {{"software", std::string("toothprep ") + kVersion}});
     } else {
       Picture picture = drawing.finished(image, true);
       if (o.colour == "deviation" && !o.no_scale) draw_colour_bar(picture, o.range);
-      write_png(picture, output.temporary());
+      write_png(picture, output);
     }
   }
-  output.commit();
+  outputs.publish();
   say(common, o.output + ": " + o.size + " pixels, " + drawing.view.name +
                   (o.turntable > 0 ? ", " + std::to_string(o.turntable) + " frames" : ""));
 }

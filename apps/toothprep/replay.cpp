@@ -19,11 +19,13 @@
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
 namespace {
+
+using Json = nlohmann::ordered_json;
 
 constexpr double kFarFromTooth = 5.0;  // mm
 
@@ -33,8 +35,8 @@ struct Options {
   bool force = false, json = false, strict = false, allow_gaps = false;
 };
 
-nlohmann::ordered_json report_json(const ReplayResult& r, const Trace& trace, const Options& o) {
-  nlohmann::ordered_json j;
+Json report_json(const ReplayResult& r, const Trace& trace, const Options& o) {
+  Json j;
   j["schema"] = "toothprep-replay";
   j["steps"] = r.rows.size() - 1;
   j["seconds_simulated"] = r.seconds_simulated;
@@ -61,17 +63,18 @@ nlohmann::ordered_json report_json(const ReplayResult& r, const Trace& trace, co
   j["initial_overlap_mm3"] = overlap;
   j["torque_work_mj"] = r.totals.torque_work;
   j["removed_energy_mj"] = r.removed_energy;
-  j["energy_ratio"] = std::isfinite(r.energy_ratio) ? nlohmann::ordered_json(r.energy_ratio)
-                                                    : nlohmann::ordered_json(nullptr);
+  j["energy_ratio"] = std::isfinite(r.energy_ratio) ? Json(r.energy_ratio) : Json(nullptr);
   j["tooth_sha256"] = trace.tooth_sha256;
   j["trajectory_sha256"] = sha256_of_file(o.trajectory);
   return j;
 }
 
 void run(const Options& o, const Common& common) {
-  OutputFile output(o.output, o.force);
-  std::unique_ptr<OutputFile> prepared;
-  if (!o.prepared.empty()) prepared = std::make_unique<OutputFile>(o.prepared, o.force);
+  Outputs outputs(o.force);
+  outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory});
+  const std::string output = outputs.file(o.output, {".h5", ".hdf5"});
+  const std::string prepared = outputs.optional_file(o.prepared, {".vdb"});
+  outputs.begin();
 
   const Parameters parameters = load_parameters(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
@@ -113,13 +116,13 @@ void run(const Options& o, const Common& common) {
   trace.rows = r.rows;
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
-  write_trace(trace, output.temporary());
-  if (prepared) {
+  write_trace(trace, output);
+  if (!prepared.empty()) {
     apply_remaining_solid(tooth, workpiece.remaining_solid());
-    write_tooth(tooth, prepared->temporary());
-    prepared->commit();
+    write_tooth(tooth, prepared);
   }
-  output.commit();
+  const Json report = o.json ? report_json(r, trace, o) : Json();
+  outputs.publish();
 
   const SessionTotals& t = r.totals;
   if (trace.drive == "direct" && t.stalled_steps > 0)
@@ -157,7 +160,7 @@ void run(const Options& o, const Common& common) {
           ? fmt::format("energy audit: torque work {:.3f} mJ / removed energy {:.3f} mJ = {:.4f}",
                         t.torque_work, r.removed_energy, r.energy_ratio)
           : fmt::format("energy audit: nothing was removed; torque work {:.3f} mJ", t.torque_work));
-  if (o.json) std::cout << report_json(r, trace, o).dump(2) << '\n';
+  if (o.json) std::cout << report.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 
@@ -14,7 +13,8 @@
 #include "toothprep/step/session/replay.h"
 #include "toothprep/tools/files/session_file.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/rig_check/rig_report.h"
 #include "toothprep/version.h"
 
@@ -25,13 +25,6 @@ struct Options {
   std::string session, tooth, limits, output, report;
   bool json = false, force = false, strict = false, no_plots = false;
 };
-
-void write_text(const std::string& text, const std::string& path) {
-  std::ofstream out(path, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw Error(path + ": cannot be written");
-}
 
 Measured<std::vector<StepRecord>> replay_of(const SessionRecording& recording, const Options& o,
                                             const Common& common) {
@@ -72,17 +65,18 @@ void print_lines(const RigReport& report, const Common& common) {
 }
 
 void run(const Options& o, const Common& common) {
-  std::unique_ptr<OutputFile> output, folder;
-  if (!o.output.empty()) output = std::make_unique<OutputFile>(o.output, o.force);
-  if (!o.report.empty())
-    folder = std::make_unique<OutputFile>(o.report, o.force, true, "report.json");
+  const std::string limits_file = o.limits.empty() ? data_folder() + "/rig/limits.toml" : o.limits;
+  Outputs outputs(o.force);
+  outputs.reads({o.session, o.tooth, limits_file});
+  const std::string output = outputs.optional_file(o.output, {".json"});
+  const std::string folder = outputs.optional_folder(o.report);
+  outputs.begin();
   const std::string script = "plot-rig-check";
-  if (folder && !o.no_plots && !run_script(script, {"--check"}))
+  if (!folder.empty() && !o.no_plots && !run_script(script, {"--check"}))
     throw Error(script +
                 " cannot run; install python3-numpy and python3-matplotlib, or give --no-plots");
 
-  const RigLimits limits =
-      read_rig_limits(o.limits.empty() ? data_folder() + "/rig/limits.toml" : o.limits);
+  const RigLimits limits = read_rig_limits(limits_file);
   const SessionRecording recording = read_session(o.session);
   RigReport report;
   try {
@@ -96,16 +90,13 @@ void run(const Options& o, const Common& common) {
 
   const std::string json = report_json(
       report, recording, std::filesystem::path(o.session).filename().string(), kVersion);
-  if (output) {
-    write_text(json, output->temporary());
-    output->commit();
+  if (!output.empty()) write_file(output, json);
+  if (!folder.empty()) {
+    write_file(folder + "/report.json", json);
+    write_plot_data(report, recording, folder);
+    if (!o.no_plots && !run_script(script, {folder})) throw Error(script + " failed");
   }
-  if (folder) {
-    write_text(json, folder->temporary() + "/report.json");
-    write_plot_data(report, recording, folder->temporary());
-    if (!o.no_plots && !run_script(script, {folder->temporary()})) throw Error(script + " failed");
-    folder->commit();
-  }
+  outputs.publish();
   if (o.json) std::cout << json;
 
   print_lines(report, common);

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -12,7 +11,7 @@
 #include "session_options.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/score/assess.h"
 #include "toothprep/tools/score/definitions.h"
 #include "toothprep/version.h"
@@ -61,45 +60,6 @@ void tell(const Assessment& assessment, const Common& common) {
   for (const std::string& reason : sheet.result->fail_reasons) say(common, "  " + reason);
 }
 
-namespace fs = std::filesystem;
-
-constexpr const char* kReportFiles[] = {"report.html", "prepared.ply", "deviation.ply",
-                                        "deviation.vtk"};
-
-// --force replaces a report's whole folder. A folder with anything else in it (a student's, with
-// the teeth) is not a report, and stays.
-void check_report_folder(const std::string& report) {
-  std::error_code error;
-  if (!fs::is_directory(report, error)) return;
-  for (const auto& entry : fs::directory_iterator(report)) {
-    const std::string name = entry.path().filename().string();
-    if (std::find(std::begin(kReportFiles), std::end(kReportFiles), name) == std::end(kReportFiles))
-      throw Error(report + ": holds '" + name +
-                  "', which is not of a report; choose another folder for --report");
-  }
-}
-
-// Outputs must not take the place of each other or of what is read.
-void check_outputs(const Options& o) {
-  const auto place = [](const std::string& path) {
-    std::error_code error;
-    fs::path whole = fs::weakly_canonical(path, error);
-    if (error) whole = fs::absolute(path).lexically_normal();
-    return whole.has_filename() ? whole : whole.parent_path();
-  };
-  const AssessmentOptions& a = o.assessment;
-  for (const std::string* input : {&a.original, &a.prepared, &a.target, &a.trace, &o.rubric})
-    if (!input->empty() && place(*input) == place(o.output))
-      throw Error(o.output + ": is read as an input, too; choose another name for --output");
-  if (o.report.empty()) return;
-  const fs::path report = place(o.report), output = place(o.output);
-  if (output == report || output.parent_path() == report)
-    throw Error(o.output +
-                ": lies in the folder of --report, which is written as a whole; choose "
-                "another place");
-  check_report_folder(o.report);
-}
-
 void run(Options o, const Common& common) {
   if (o.list) {
     list_quantities();
@@ -116,10 +76,11 @@ void run(Options o, const Common& common) {
   a.preparation.mesial = direction(o.mesial);
   a.preparation.buccal = direction(o.buccal);
 
-  check_outputs(o);
-  OutputFile output(o.output, o.force);
-  std::optional<OutputFile> report;
-  if (!o.report.empty()) report.emplace(o.report, o.force, true, "report.html");
+  Outputs outputs(o.force);
+  outputs.reads({a.original, a.prepared, a.target, a.trace, o.rubric});
+  const std::string output = outputs.file(o.output, {".json"});
+  const std::string report = outputs.optional_folder(o.report);
+  outputs.begin();
 
   // Without a rubric of the user's it is the one shipped for the type, which may have to be found.
   std::string rubric = o.rubric;
@@ -136,13 +97,12 @@ void run(Options o, const Common& common) {
          sha256_of_file(rubric)});
   assessment.sheet.toothprep_version = kVersion;
 
-  write_score(assessment.sheet, output.temporary());
-  if (report) write_score_report(assessment, a.process, report->temporary());
-  output.commit();
-  if (report) report->commit();
+  write_score(assessment.sheet, output);
+  if (!report.empty()) write_score_report(assessment, a.process, report);
+  outputs.publish();
   if (o.json) std::cout << score_json(assessment.sheet);
   tell(assessment, common);
-  say(common, o.output + (report ? ", " + o.report + "/report.html" : std::string()));
+  say(common, o.output + (report.empty() ? std::string() : ", " + o.report + "/report.html"));
 }
 
 }  // namespace

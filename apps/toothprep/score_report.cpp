@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 
 #include "session_options.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/compare/deviation_file.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/render/overlay.h"
 #include "toothprep/tools/render/renderer.h"
 #include "toothprep/tools/score_report/score_page.h"
@@ -148,11 +148,7 @@ void write_score_report(const Assessment& assessment, const ProcessOptions& proc
   if (assessment.trace)
     page.trace = trace_plot(assessment.trace->rows, assessment.process->events, process);
   write_mesh(assessment.preparation_surface, folder + "/prepared.ply");
-  const std::string path = folder + "/report.html";
-  std::ofstream out(path, std::ios::binary);
-  out << score_page_html(page);
-  out.close();
-  if (!out) throw Error(path + ": cannot be written; is the disk full?");
+  write_file(folder + "/report.html", score_page_html(page));
 }
 
 }  // namespace toothprep::app

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <memory>
-#include <optional>
 
 #include "command.h"
 #include "toothprep/proof/specimen/block.h"
@@ -12,11 +12,13 @@
 #include "toothprep/proof/specimen/synthetic_scan.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/scan_files/image_file.h"
 
 namespace toothprep::app {
 namespace {
+
+const std::vector<std::string> kImageFiles = {".nrrd", ".nii", ".nii.gz", ".mha"};
 
 struct ToothOptions {
   std::string output;
@@ -49,83 +51,67 @@ std::string volumes(const LayeredTooth& tooth) {
   return text;
 }
 
-void write(const LayeredTooth& tooth, const ToothOptions& o, OutputFile& output,
-           const Common& common) {
-  write_tooth(tooth, output.temporary());
-  output.commit();
+void write(const std::function<LayeredTooth()>& make, const ToothOptions& o, const Common& common) {
+  Outputs outputs(o.force);
+  const std::string output = outputs.file(o.output, {".vdb"});
+  outputs.begin();
+  const LayeredTooth tooth = make();
+  write_tooth(tooth, output);
+  outputs.publish();
   say(common, o.output + ": " + volumes(tooth));
 }
 
 void run_block(const ToothOptions& o, const Common& common) {
   BlockOptions block = o.block;
   block.size = three(o.size, "--size-mm");
-  OutputFile output(o.output, o.force);
-  LayeredTooth tooth = make_block(block);
-  tooth.provenance["source"] = "specimen block";
-  tooth.provenance["axis_occlusal"] = "0 1 0";
-  write(tooth, o, output, common);
+  const auto make = [&] {
+    LayeredTooth tooth = make_block(block);
+    tooth.provenance["source"] = "specimen block";
+    tooth.provenance["axis_occlusal"] = "0 1 0";
+    return tooth;
+  };
+  write(make, o, common);
 }
 
 void run_molar(const ToothOptions& o, const Common& common) {
-  OutputFile output(o.output, o.force);
-  write(make_molar(o.molar), o, output, common);
+  write([&] { return make_molar(o.molar); }, o, common);
 }
 
 // A DICOM series goes into a folder; what has the extension of an image file is one, and another
 // extension is more likely a mistake than a folder's name.
 bool is_series(const std::string& path) {
-  namespace fs = std::filesystem;
-  for (const char* extension : {".nrrd", ".nii", ".nii.gz", ".mha"})
+  for (const std::string& extension : kImageFiles)
     if (path.ends_with(extension)) return false;
-  std::error_code error;
-  const std::string extension = fs::path(path).extension().string();
+  const std::string extension = std::filesystem::path(path).extension().string();
   const bool odd = extension.size() > 1 && std::all_of(extension.begin() + 1, extension.end(),
                                                        [](unsigned char c) { return isalpha(c); });
-  if (odd && !fs::is_directory(path, error))
+  std::error_code error;
+  if (odd && !std::filesystem::is_directory(path, error))
     throw InputError(path, "", "'" + extension + "' is no image format that is written here",
                      "use .nrrd, .nii, .nii.gz, .mha, or the name of a folder for a DICOM series");
   return true;
-}
-
-// Replacing a folder deletes what is in it: only slices of an earlier scan may go.
-void check_replaceable(const std::string& folder) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  if (!fs::is_directory(folder, error)) return;
-  for (const auto& entry : fs::directory_iterator(folder, error))
-    if (!entry.is_regular_file() || entry.path().extension() != ".dcm")
-      throw InputError(folder, entry.path().filename().string(),
-                       "is no DICOM slice, so this folder is not replaced",
-                       "name a new folder or move its content away");
 }
 
 void run_scan(const ScanOptions& o, const Common& common) {
   SyntheticScanOptions options = o.scan;
   options.spacing = three(o.spacing, "--spacing-mm");
   const bool series = is_series(o.output);
-  if (series) check_replaceable(o.output);
-  if (!o.labels.empty() && is_series(o.labels))
-    throw InputError(o.labels, "", "the labels are one file", "use .nrrd, .nii, .nii.gz or .mha");
-  OutputFile output(o.output, o.force, series);
-  std::optional<OutputFile> labels;
-  if (!o.labels.empty()) {
-    if (std::filesystem::path(o.labels).lexically_normal() ==
-        std::filesystem::path(o.output).lexically_normal())
-      throw InputError(o.labels, "", "is both the scan and its labels", "name two files");
-    labels.emplace(o.labels, o.force);
-  }
+  Outputs outputs(o.force);
+  const std::string output =
+      series ? outputs.folder(o.output) : outputs.file(o.output, kImageFiles);
+  const std::string labels = outputs.optional_file(o.labels, kImageFiles);
+  outputs.begin();
   const SyntheticScan scan = make_molar_scan(options);
   if (series)
-    write_dicom_series(scan.image, output.temporary());
+    write_dicom_series(scan.image, output);
   else
-    write_image(scan.image, output.temporary());
-  if (labels) write_image(scan.labels, labels->temporary());
-  output.commit();
-  if (labels) labels->commit();
+    write_image(scan.image, output);
+  if (!labels.empty()) write_image(scan.labels, labels);
+  outputs.publish();
   const Index3& n = scan.image.size;
   say(common, o.output + ": " + std::to_string(n.x()) + " x " + std::to_string(n.y()) + " x " +
                   std::to_string(n.z()) + " voxels" +
-                  (labels ? ", ground truth in " + o.labels : std::string()));
+                  (labels.empty() ? std::string() : ", ground truth in " + o.labels));
 }
 
 void add_output(CLI::App* sub, std::string& output, bool& force, const std::string& what) {

@@ -2,19 +2,17 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 
 #include "command.h"
 #include "toothprep/proof/specimen/cavity.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -82,37 +80,24 @@ Json truth_json(const CavityOptions& cavity, const CavityTruth& truth) {
 void run(const Options& o, const Common& common) {
   const CavityOptions cavity = cavity_of(o);
   check_cavity(cavity);
-  std::set<std::string> places;
-  for (const std::string* path : {&o.original, &o.prepared, &o.target, &o.truth})
-    if (!path->empty() &&
-        !places.insert(std::filesystem::absolute(*path).lexically_normal().string()).second)
-      throw InputError(*path, "", "is named for two outputs", "name different files");
-  std::optional<OutputFile> original, target, truth;
-  OutputFile prepared(o.prepared, o.force);
-  if (!o.original.empty()) original.emplace(o.original, o.force);
-  if (!o.target.empty()) target.emplace(o.target, o.force);
-  if (!o.truth.empty()) truth.emplace(o.truth, o.force);
+  Outputs outputs(o.force);
+  const std::string prepared = outputs.file(o.prepared, {".vdb"});
+  const std::string original = outputs.optional_file(o.original, {".vdb"});
+  const std::string target = outputs.optional_file(o.target, {".vdb"});
+  const std::string truth = outputs.optional_file(o.truth, {".json"});
+  outputs.begin();
 
   const CavitySpecimen specimen = make_cavity(cavity);
-  write_tooth(specimen.prepared, prepared.temporary());
-  if (original) write_tooth(specimen.original, original->temporary());
-  if (target) {
+  write_tooth(specimen.prepared, prepared);
+  if (!original.empty()) write_tooth(specimen.original, original);
+  if (!target.empty()) {
     CavityOptions nominal = cavity;
     nominal.offset = 0;
-    write_tooth(make_cavity(nominal).prepared, target->temporary());
+    write_tooth(make_cavity(nominal).prepared, target);
   }
   const CavityTruth figures = cavity_truth(cavity);
-  if (truth) {
-    std::ofstream file(truth->temporary());
-    file << truth_json(cavity, figures).dump(2) << '\n';
-    file.flush();
-    if (!file) throw InputError(o.truth, "", "can't be written", "is the disk full?");
-  }
-  // All is written; now all appears.
-  prepared.commit();
-  if (original) original->commit();
-  if (target) target->commit();
-  if (truth) truth->commit();
+  if (!truth.empty()) write_file(truth, truth_json(cavity, figures).dump(2) + '\n');
+  outputs.publish();
   const auto volume = truth_value(figures, "removed_mm3.total");
   say(common,
       o.prepared + ": " + o.kind + (volume ? fmt::format(", {:g} mm^3 removed", *volume) : ""));

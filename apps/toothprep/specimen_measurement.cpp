@@ -1,7 +1,6 @@
 // toothprep specimen measurement: recordings whose u and alpha are known.
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <limits>
 #include <memory>
 
@@ -15,7 +14,7 @@
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/csv_writer.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -75,10 +74,10 @@ void write_csv(const Trace& trace, bool coupled, bool droops, const std::string&
 }
 
 void run(const Options& o, const Common& common) {
-  const std::string extension = std::filesystem::path(o.output).extension().string();
-  if (extension != ".h5" && extension != ".csv")
-    throw InputError(o.output, "", "not a recording by its name", "use .h5 or .csv");
-  OutputFile output(o.output, o.force);
+  Outputs outputs(o.force);
+  outputs.reads({o.tooth, o.bur, o.trajectory, o.params});
+  const std::string output = outputs.file(o.output, {".h5", ".csv"});
+  outputs.begin();
   SessionOptions session;
   session.params = o.params;
   session.preset = o.preset;
@@ -140,11 +139,11 @@ void run(const Options& o, const Common& common) {
   trace.engine = engine_name(parameters);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
-  if (extension == ".csv")
-    write_csv(trace, coupled, droops, output.temporary());
+  if (has_extension(output, ".csv"))
+    write_csv(trace, coupled, droops, output);
   else
-    write_trace(trace, output.temporary());
-  output.commit();
+    write_trace(trace, output);
+  outputs.publish();
   if (r.totals.stalled_steps > 0)
     warn(fmt::format("{}: the bur stalled in {} steps", o.output, r.totals.stalled_steps));
   say(common,

@@ -15,7 +15,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/scan_files/image_file.h"
 #include "toothprep/tools/segmentation/crop.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
@@ -140,13 +140,13 @@ std::function<void(const std::string&, double)> progress_line() {
 }
 
 // Provenance, the file, a line on stderr, JSON on stdout.
-void finish(LayeredTooth tooth, const Options& options, const Common& common, OutputFile& out,
-            const std::string& source, const std::string& source_sha256,
+void finish(LayeredTooth tooth, const Options& options, const Common& common, Outputs& outputs,
+            const std::string& output, const std::string& source, const std::string& source_sha256,
             std::chrono::steady_clock::time_point start, const nlohmann::json& more) {
   tooth.provenance["source"] = source;
   tooth.provenance["source_sha256"] = source_sha256;
-  write_tooth(tooth, out.temporary());
-  out.commit();
+  write_tooth(tooth, output);
+  outputs.publish();
   const auto volumes = remaining_volumes_mm3(tooth);
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -167,13 +167,16 @@ void finish(LayeredTooth tooth, const Options& options, const Common& common, Ou
   for (int t = 0; t < kTissueCount; ++t)
     json["volume_mm3"][std::string(kTissueNames[t])] = volumes[t];
   json.update(more);
-  std::cout << json.dump(2) << '\n';
+  std::cout << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
 }
 
 void run_meshes(const Options& options, const Common& common) {
   const auto start = std::chrono::steady_clock::now();
   const auto meshes = parse_meshes(options.meshes);
-  OutputFile out(options.output, options.force);
+  Outputs outputs(options.force);
+  for (const auto& [tissue, file] : meshes) outputs.reads({file});
+  const std::string output = outputs.file(options.output, {".vdb"});
+  outputs.begin();
   const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
   std::vector<TissueShell> shells;
   std::vector<std::string> notes, names;
@@ -211,7 +214,7 @@ void run_meshes(const Options& options, const Common& common) {
     throw;
   }
   for (const auto& note : notes) warn(note);
-  finish(std::move(tooth), options, common, out, joined(names, ", "), all.hex(), start,
+  finish(std::move(tooth), options, common, outputs, output, joined(names, ", "), all.hex(), start,
          {{"notes", notes}});
 }
 
@@ -227,13 +230,13 @@ void run_scan(const Options& options, const Common& common) {
   if (!options.roi.empty())
     roi = Box{Vec3(options.roi[0], options.roi[2], options.roi[4]),
               Vec3(options.roi[1], options.roi[3], options.roi[5])};
-  OutputFile out(options.output, options.force);
-  std::optional<OutputFile> report_folder;
-  if (!options.report.empty()) {
-    report_folder.emplace(options.report, options.force, true);
-    if (!run_script("plot-scan-report", {"--check"}))
-      throw Error("plot-scan-report cannot run; install python3-numpy and python3-matplotlib");
-  }
+  Outputs outputs(options.force);
+  outputs.reads({options.scan});
+  const std::string output = outputs.file(options.output, {".vdb"});
+  const std::string report_folder = outputs.optional_folder(options.report);
+  outputs.begin();
+  if (!report_folder.empty() && !run_script("plot-scan-report", {"--check"}))
+    throw Error("plot-scan-report cannot run; install python3-numpy and python3-matplotlib");
 
   VoxelizeOptions how;
   how.voxel = options.voxel_mm;
@@ -262,14 +265,14 @@ void run_scan(const Options& options, const Common& common) {
     warn_placeholder(options, scan->frame().spacing);
     if (roi) scan = crop(std::move(scan), *roi);
     if (tissues.empty()) {
-      how.keep_greys = report_folder.has_value();
+      how.keep_greys = !report_folder.empty();
       tooth = voxelize_scan(*scan, how, &report);
     } else {
       const ImageVolume<std::uint16_t> labels = read_labels(*scan);
       tooth = voxelize_labels(labels, tissues, how, &report);
       report.notes = scan->notes();
     }
-    if (report_folder) write_scan_report(report_folder->temporary(), tooth, report);
+    if (!report_folder.empty()) write_scan_report(report_folder, tooth, report);
   } catch (const InputError&) {
     if (terminal) std::cerr << '\n';
     throw;
@@ -278,7 +281,7 @@ void run_scan(const Options& options, const Common& common) {
     throw InputError(options.scan, "", e.what());
   }
   const std::string source_sha256 = hash.get();
-  if (report_folder && !run_script("plot-scan-report", {report_folder->temporary()}))
+  if (!report_folder.empty() && !run_script("plot-scan-report", {report_folder}))
     throw Error("plot-scan-report failed");
   for (const auto& note : report.notes) warn(options.scan + ": " + note);
   nlohmann::json more;
@@ -296,8 +299,7 @@ void run_scan(const Options& options, const Common& common) {
             {"grey_enamel", report.enamel}};
   }
   more["notes"] = report.notes;
-  finish(std::move(tooth), options, common, out, name, source_sha256, start, more);
-  if (report_folder) report_folder->commit();
+  finish(std::move(tooth), options, common, outputs, output, name, source_sha256, start, more);
 }
 
 void run(const Options& options, const Common& common) {

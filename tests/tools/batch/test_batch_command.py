@@ -88,6 +88,37 @@ class Batch(CommandTest):
         self.assertIn("interrupted after 2 of 3", said.splitlines()[-1])
         self.assertEqual(sorted(n for n in os.listdir(self.path("out")) if n[0] != "."), ["deep", "shallow"])
 
+    def test_a_killed_batch_leaves_no_process_and_the_next_clears_up(self):
+        self.write("manifest.toml", MANIFEST.replace("broken", "long"))
+        child = subprocess.Popen([BINARY, "batch", "manifest.toml", "-o", "out", "--threads", "3"], cwd=self.folder,
+                                 stderr=subprocess.DEVNULL)
+        self.wait_until(lambda: os.path.exists(self.path("out/deep/item.json")) and self.processes())
+        child.kill()
+        child.wait()
+        self.wait_until(lambda: not self.processes())
+        self.write("manifest.toml", MANIFEST.replace("broken", "deep").replace('name = "deep"', 'name = "again"', 1))
+        done = self.run_tool("batch", "manifest.toml", "-o", "out")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual([n for n in os.listdir(self.path("out")) if n.startswith(".toothprep")], [])
+
+    def wait_until(self, true):
+        for _ in range(600):
+            if true():
+                return
+            time.sleep(0.1)
+        self.fail("it never happened")
+
+    def processes(self):
+        """Those that work below the results."""
+        found = []
+        for pid in filter(str.isdigit, os.listdir("/proc")):
+            try:
+                if os.readlink(f"/proc/{pid}/cwd").startswith(self.path("out/")):
+                    found.append(pid)
+            except OSError:
+                pass
+        return found
+
     def test_refuses_before_anything_runs(self):
         for text, says in ((MANIFEST.replace("drive", "drvie"), "did you mean 'drive'?"),
                            (MANIFEST.replace("block.vdb", "brick.vdb"), "there is no file"),

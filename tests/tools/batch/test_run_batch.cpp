@@ -2,8 +2,12 @@
 // done.
 #include <gmock/gmock.h>
 #include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <chrono>
+#include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -73,6 +77,21 @@ class RunBatch : public ScratchFolder {
   BatchResult run(const std::vector<std::pair<std::string, std::string>>& items) const {
     return run_batch(manifest(items), options_);
   }
+  static std::string error_of(const std::function<void()>& work) {
+    try {
+      work();
+    } catch (const Error& e) {
+      return e.what();
+    }
+    return {};
+  }
+  int parts() const {  // hidden folders of items that aren't done
+    int count = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(path("out")))
+      count +=
+          entry.is_directory() && entry.path().filename().string().starts_with(".toothprep-part-");
+    return count;
+  }
   int times_run() const {
     int lines = 0;
     if (exists("ran.txt"))
@@ -103,7 +122,7 @@ TEST_F(RunBatch, WritesAFolderAndARowForEachItem) {
   const auto json = nlohmann::json::parse(get("out/batch.json"));
   EXPECT_EQ(json["done"], 2);
   EXPECT_EQ(json["items"][1]["figures"]["half"], 3.5);
-  EXPECT_FALSE(exists("out/two.part"));
+  EXPECT_EQ(parts(), 0);
 }
 
 TEST_F(RunBatch, GoesOnWhenAnItemFailsCrashesHangsOrWritesNothing) {
@@ -162,7 +181,9 @@ TEST_F(RunBatch, RepeatsWhatIsNoLongerTrue) {
   EXPECT_EQ(get("out/two/out.bin"), "TWO");
   std::filesystem::remove(path("out/two/out.bin"));
   EXPECT_EQ(run(items).run, 1u);
-  put("out/two/item.json", "{\"schema\": \"toothprep-batch-item\", \"status\": 3}");
+  put("out/two/item.json",
+      "{\"schema\": \"toothprep-batch-item\", \"status\": 3, \"outputs\": {\"out.bin\": 0, "
+      "\"result.json\": 0}}");
   EXPECT_EQ(run(items).run, 1u);
   EXPECT_EQ(run({{"one", "slow"}, {"two", "good"}}).run, 1u);  // another command line
   options_.version = "2";
@@ -190,12 +211,12 @@ TEST_F(RunBatch, WritesTheSameBytesHoweverManyRunAtATime) {
 
 TEST_F(RunBatch, StopsItsChildrenWhenInterruptedAndGoesOnLater) {
   options_.at_once = 2;
-  options_.interrupted = [&] { return exists("out/one") && exists("out/a.part"); };
+  options_.interrupted = [&] { return exists("out/one") && parts() > 0; };
   const BatchResult result = run({{"one", "good"}, {"a", "hang"}, {"two", "good"}, {"b", "hang"}});
   EXPECT_TRUE(result.interrupted);
   EXPECT_TRUE(exists("out/one/item.json"));
   EXPECT_FALSE(exists("out/a"));
-  EXPECT_FALSE(exists("out/a.part"));
+  EXPECT_EQ(parts(), 0);
   EXPECT_FALSE(exists("out/batch.csv"));
   options_.interrupted = {};
   EXPECT_LE(run({{"one", "good"}, {"a", "good"}, {"two", "good"}}).run, 2u);
@@ -203,10 +224,19 @@ TEST_F(RunBatch, StopsItsChildrenWhenInterruptedAndGoesOnLater) {
 }
 
 TEST_F(RunBatch, ClearsAwayWhatAKilledBatchLeft) {
-  put("out/one.part/out.bin", "half");
+  const pid_t batch = fork();
+  if (batch == 0) {
+    run({{"a", "hang"}});
+    _exit(0);
+  }
+  for (int k = 0; k < 1000 && !exists("ran.txt"); ++k)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  kill(batch, SIGKILL);
+  waitpid(batch, nullptr, 0);
+  EXPECT_GT(parts(), 0);
   EXPECT_EQ(run({{"one", "good"}}).rows[0].status, "done");
   EXPECT_EQ(get("out/one/out.bin"), "ONE");
-  EXPECT_FALSE(exists("out/one.part"));
+  EXPECT_EQ(parts(), 0);
 }
 
 TEST_F(RunBatch, NeverReplacesAFolderThatNoBatchWrote) {
@@ -214,11 +244,38 @@ TEST_F(RunBatch, NeverReplacesAFolderThatNoBatchWrote) {
   EXPECT_THROW(run({{"two", "good"}, {"one", "good"}}), Error);
   EXPECT_EQ(get("out/one/precious.vdb"), "a student's work");
   EXPECT_EQ(times_run(), 0);
+  run({{"two", "good"}});
+  put("out/two/notes.txt", "a teacher's");
+  options_.redo = true;
+  EXPECT_THAT(error_of([&] {
+                run({{"two", "good"}});
+              }),
+              HasSubstr("out/two: holds 'notes.txt', which no batch wrote"));
+  EXPECT_EQ(get("out/two/notes.txt"), "a teacher's");
+  std::filesystem::remove(path("out/two/notes.txt"));
+  put("out/batch.json", "a list of mine");
+  EXPECT_THAT(error_of([&] {
+                run({{"two", "good"}});
+              }),
+              HasSubstr("out/batch.csv: was not written by a batch"));
+  EXPECT_EQ(get("out/batch.json"), "a list of mine");
   put("file", "x");
   options_.folder = path("file");
   EXPECT_THROW(run({{"one", "good"}}), Error);
   options_.folder = path("none/out");
   EXPECT_THROW(run({{"one", "good"}}), Error);
+}
+
+TEST_F(RunBatch, NeverReplacesAFolderThatHoldsWhatIsRead) {
+  run({{"two", "good"}});
+  const BatchManifest reads_itself =
+      read_manifest(put("manifest.toml",
+                        "[[item]]\ncommand = \"work\"\nname = \"two\"\narguments = { a_input = "
+                        "\"out/two/out.bin\", mode = \"good\" }\n"),
+                    commands_);
+  EXPECT_THAT(error_of([&] { run_batch(reads_itself, options_); }),
+              HasSubstr("out/two: holds 'out/two/out.bin', which is read"));
+  EXPECT_EQ(get("out/two/out.bin"), "TWO");
 }
 
 TEST_F(RunBatch, TellsWhenTheProgramCannotBeStarted) {

@@ -230,11 +230,18 @@ TEST(SessionFile, AFolderThatIsNotThereIsOneClearError) {
               HasSubstr("/nowhere/session.h5: cannot be written"));
 }
 
-TEST(SessionFile, AnOlderFileIsReplaced) {
+TEST(SessionFile, AnOlderFileIsReplacedOnlyWhenAskedFor) {
   const ScratchFile file("older");
   std::ofstream(file.path) << "something";
-  record(file.path, false, 10);
-  EXPECT_EQ(read_session(file.path).tick.size(), 10u);
+  EXPECT_THAT(error_of([&] { SessionRecorder recorder(file.path, synthetic_header()); }),
+              HasSubstr("File exists"));
+  std::string text;
+  EXPECT_TRUE(std::ifstream(file.path) >> text);
+  EXPECT_EQ(text, "something");
+  RecorderOptions options;
+  options.replace = true;
+  { SessionRecorder recorder(file.path, synthetic_header(), options); }
+  EXPECT_EQ(read_session(file.path).tick.size(), 0u);
 }
 
 }  // namespace

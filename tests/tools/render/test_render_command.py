@@ -27,7 +27,7 @@ class Render(CommandTest):
         self.assertEqual(done.returncode, 0, done.stderr)
         path = os.path.join(self.folder, output)
         if os.path.isdir(path):
-            return sorted(os.listdir(path))
+            return sorted(name for name in os.listdir(path) if name != ".toothprep-folder")
         with open(path, "rb") as file:
             return file.read()
 

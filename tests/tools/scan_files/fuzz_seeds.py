@@ -65,7 +65,7 @@ for folder in ("dicom", "volume", "shells"):
     os.makedirs(os.path.join(FOLDER, folder), exist_ok=True)
 
 run("specimen", "scan", "-o", "ct", "--spacing-mm", "3")
-for name in sorted(os.listdir(os.path.join(FOLDER, "ct")))[:2]:
+for name in ("slice_0001.dcm", "slice_0002.dcm"):
     seed("dicom", name, content(os.path.join("ct", name)))
 seed("dicom", "multi.dcm", multi_frame(3))
 

@@ -1,3 +1,5 @@
+#include <signal.h>
+#include <sys/resource.h>
 #include <zlib.h>
 
 #include <bit>
@@ -165,12 +167,23 @@ TEST_F(ImageFile, TheSameImageGivesTheSameBytes) {
   EXPECT_NE(sha256_of_scan(path("one")), sha256_of_scan(path("two")));
 }
 
-TEST_F(ImageFile, WritesUnderATemporaryNameToo) {
-  // "scan.nii.gz" is written as ".scan.nii.part17.gz" first.
-  write_image(some_image(), path(".scan.nii.part17.gz"));
-  fs::rename(path(".scan.nii.part17.gz"), path("scan.nii.gz"));
-  expect_same(read_scan(path("scan.nii.gz")), some_image(), 2e-6);
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
+TEST_F(ImageFile, AFullDiskIsAnErrorInEveryFormat) {
+  const auto image = some_image();
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  for (const char* name : {"a.nrrd", "a.nii", "a.nii.gz", "a.mha", "series"})
+    for (const rlim_t size : {0, 1, 200, 351}) {
+      fs::create_directory(path("series"));
+      const rlimit limit{size, before.rlim_max};
+      setrlimit(RLIMIT_FSIZE, &limit);
+      const auto write = [&] {
+        name == std::string("series") ? write_dicom_series(image, path(name))
+                                      : write_image(image, path(name));
+      };
+      EXPECT_THROW(write(), Error) << name << " of at most " << size << " bytes";
+      setrlimit(RLIMIT_FSIZE, &before);
+    }
 }
 
 TEST_F(ImageFile, SlicesAreOrderedByPositionWhateverTheirNames) {

@@ -95,7 +95,8 @@ class Score(CommandTest):
         self.assertEqual([score["inputs"][k]["file"] for k in ("original", "prepared", "target")], ["o.vdb", "p.vdb", "t.vdb"])
         self.assertTrue(score["criteria"])
         self.assertIn("points_percent", score)
-        self.assertEqual(sorted(os.listdir(self.path("r"))), ["deviation.ply", "deviation.vtk", "prepared.ply", "report.html"])
+        self.assertEqual(sorted(os.listdir(self.path("r"))), [".toothprep-folder", "deviation.ply", "deviation.vtk",
+                                                              "prepared.ply", "report.html"])
         with open(self.path("r/report.html"), encoding="utf-8") as file:
             page = file.read()
         self.assertEqual(page.count("<svg"), page.count("</svg>"))
@@ -186,18 +187,18 @@ class Score(CommandTest):
         self.before = self.everything()
         for args, says in (
                 (("-o", "old.json"), "old.json: exists already"),
-                (("-o", "s.json", "--report", "work"), "notes.txt"),
+                (("-o", "s.json", "--report", "work"), "work: exists already"),
                 (("-o", "s.json", "--report", "work", "--force"), "notes.txt"),
-                (("-o", "s.json", "--report", "report", "--force"), "thesis.txt"),
+                (("-o", "s.json", "--report", "report", "--force"), "report: holds 'report.html' and was not written"),
                 (("-o", "s.json", "--report", "plain", "--force"), "plain"),
                 (("-o", "s.json", "--report", ".", "--force"), "."),
                 (("-o", "work", "--force"), "is a folder"),
                 (("-o", "nowhere/s.json"), "nowhere"),
                 (("-o", "s.json", "--report", "nowhere/r"), "nowhere"),
-                (("-o", "new", "--report", "new"), "--report"),
-                (("-o", "report/s.json", "--report", "report", "--force"), "--report"),
-                (("-o", "p.vdb", "--force"), "is read as an input"),
-                (("-o", "./o.vdb", "--force"), "is read as an input")):
+                (("-o", "new", "--report", "new"), "is named for two outputs"),
+                (("-o", "s.json", "--report", "s.json"), "is named for two outputs"),
+                (("-o", "p.vdb", "--force"), "another format"),
+                (("--trace", "old.json", "-o", "./old.json", "--force"), "is read as an input")):
             with self.subTest(args=args):
                 self.assert_refused((*TEETH, "--type", "class1", *args), says)
 

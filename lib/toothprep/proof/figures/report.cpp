@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/tools/io/json_number.h"
+#include "toothprep/tools/io/write_file.h"
 
 namespace toothprep::figures {
 namespace {
@@ -102,13 +102,6 @@ Json json_of(const MapPlot& m) {
   for (const MapPlot::Line& line : m.lines)
     j["lines"].push_back({{"label", line.label}, {"x", line.x}, {"y", line.y}});
   return j;
-}
-
-void write_text(const std::string& path, const std::string& content) {
-  std::ofstream out(path, std::ios::binary);
-  out << content;
-  out.close();
-  if (!out) throw Error(path + ": cannot be written; is the disk full?");
 }
 
 std::string markdown(const ReportHeader& header, const std::vector<FigureReport>& figures) {
@@ -209,8 +202,9 @@ void write_report(const ReportHeader& header, const std::vector<FigureReport>& f
                                {"occlusal", p.occlusal}});
     j["figures"].push_back(g);
   }
-  write_text(folder + "/figures.json", j.dump(2) + "\n");
-  write_text(folder + "/figures.md", markdown(header, figures));
+  write_file(folder + "/figures.json",
+             j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_file(folder + "/figures.md", markdown(header, figures));
 }
 
 }  // namespace toothprep::figures

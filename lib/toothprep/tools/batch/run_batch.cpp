@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <filesystem>
@@ -13,13 +14,16 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
+#include <system_error>
 #include <thread>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
-#include "toothprep/tools/batch/child_process.h"
-#include "toothprep/tools/io/output_file.h"
+#include "toothprep/tools/io/child_process.h"
+#include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/io/part.h"
+#include "toothprep/tools/io/rename.h"
+#include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
 namespace {
@@ -61,13 +65,6 @@ Json item_record(const fs::path& folder) {
   return record;
 }
 
-void write_text(const fs::path& path, const std::string& text) {
-  std::ofstream out(path, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw Error(path.string() + ": cannot be written; is the disk full?");
-}
-
 // What must be the same for an item to be done.
 Json identity_of(const BatchItem& item, const BatchManifest& manifest, const BatchOptions& options,
                  std::map<std::string, std::string>& hashes) {
@@ -97,6 +94,18 @@ Json outputs_of(const fs::path& folder) {
   return outputs;
 }
 
+// The first file below an item's folder that its record doesn't name.
+std::string foreign_file(const fs::path& folder, const Json& record) {
+  const Json outputs = record.value("outputs", Json::object());
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string name = entry.path().lexically_relative(folder).string();
+    const bool ours = entry.is_directory() || name == "item.json" || name == "log.txt" ||
+                      (outputs.is_object() && outputs.contains(name));
+    if (entry.is_symlink() || !ours) return name;
+  }
+  return {};
+}
+
 bool is_done(const fs::path& folder, const Json& identity) {
   try {
     const Json record = item_record(folder);
@@ -124,7 +133,7 @@ std::string last_line(const fs::path& log) {
 // One item that runs.
 struct Running {
   std::size_t index = 0;
-  fs::path part;
+  std::unique_ptr<Part> part;
   std::unique_ptr<ChildProcess> child;
   Clock::time_point start, asked;  // when it was asked to end
   bool late = false;
@@ -143,6 +152,10 @@ class Batch {
     prepare_folder();
     const FolderLock lock(dir_);
     check_folders();
+    Outputs tables(true);
+    const std::string csv = tables.file((dir_ / "batch.csv").string(), {".csv"});
+    const std::string json = tables.file((dir_ / "batch.json").string(), {".json"});
+    tables.begin();
     BatchResult result;
     std::vector<ItemRow> rows(m_.items.size());
     std::vector<bool> ended(m_.items.size(), false);
@@ -176,7 +189,7 @@ class Batch {
         try {
           running.push_back(start(i));
         } catch (const std::exception& e) {
-          finish(i, failed(i, identities[i], e.what(), 0), "failed");
+          finish(i, failed(i, part_of(i)->path(), identities[i], e.what(), 0), "failed");
         }
         continue;
       }
@@ -203,7 +216,9 @@ class Batch {
       return result;
     }
     result.rows = std::move(rows);
-    write_tables(result.rows);
+    write_file(csv, table_csv(result.rows));
+    write_file(json, table_json(result.rows, o_.version));
+    tables.publish();
     return result;
   }
 
@@ -214,7 +229,9 @@ class Batch {
     return stopped_;
   }
   fs::path folder_of(std::size_t i) const { return dir_ / m_.items[i].name; }
-  fs::path part_of(std::size_t i) const { return dir_ / (m_.items[i].name + ".part"); }
+  std::unique_ptr<Part> part_of(std::size_t i) const {
+    return std::make_unique<Part>(dir_, "", folder_of(i).string(), true);
+  }
 
   void prepare_folder() const {
     std::error_code error;
@@ -225,16 +242,31 @@ class Batch {
     if (access(dir_.c_str(), W_OK) != 0) throw Error(o_.folder + ": cannot be written");
   }
 
-  // A folder that a batch didn't write, such as a student's own, is never replaced.
+  // A folder or table that a batch didn't write, such as a student's own, is never replaced, nor
+  // one that holds what is read.
   void check_folders() const {
+    const auto refuse = [](const fs::path& path, const std::string& why) {
+      throw InputError(path.string(), "", why + ", so it is not replaced", "give another folder");
+    };
     std::error_code error;
     for (std::size_t i = 0; i < m_.items.size(); ++i) {
       const fs::path folder = folder_of(i);
-      if (fs::exists(fs::symlink_status(folder, error)) &&
-          (!fs::is_directory(fs::symlink_status(folder, error)) || item_record(folder).is_null()))
-        throw Error(folder.string() +
-                    ": was not written by a batch, so it is not replaced; give another folder");
+      const fs::file_status status = fs::symlink_status(folder, error);
+      if (!fs::exists(status)) continue;
+      const Json record = fs::is_directory(status) ? item_record(folder) : Json();
+      if (record.is_null()) refuse(folder, "was not written by a batch");
+      if (const std::string name = foreign_file(folder, record); !name.empty())
+        refuse(folder, "holds '" + name + "', which no batch wrote");
+      for (const BatchItem& item : m_.items)
+        for (const BatchInput& input : item.inputs)
+          if (lies_in(fs::weakly_canonical(input.path, error), fs::canonical(folder)))
+            refuse(folder, "holds '" + input.shown + "', which is read");
     }
+    const Json table = read_json(dir_ / "batch.json");
+    const bool ours = table.is_object() && table.value("schema", "") == "toothprep-batch";
+    for (const char* name : {"batch.csv", "batch.json"})
+      if (!ours && fs::exists(fs::symlink_status(dir_ / name, error)))
+        refuse(dir_ / name, "was not written by a batch");
   }
 
   Running start(std::size_t i) const {
@@ -243,16 +275,14 @@ class Batch {
     Running r;
     r.index = i;
     r.part = part_of(i);
-    fs::remove_all(r.part);
-    fs::create_directory(r.part);
     std::vector<std::string> line = {o_.program, command.name};
     for (const auto* list : {&o_.program_arguments, &command.always, &item.arguments})
       line.insert(line.end(), list->begin(), list->end());
-    const std::string log = (r.part / "log.txt").string();
+    const std::string folder = r.part->path(), log = folder + "/log.txt";
     r.start = Clock::now();
     r.child = std::make_unique<ChildProcess>(
-        line, r.part.string(), command.result_on_stdout ? (r.part / command.result).string() : log,
-        log);
+        line, ChildOptions{folder, command.result_on_stdout ? folder + "/" + command.result : log,
+                           log, true});
     return r;
   }
 
@@ -279,7 +309,8 @@ class Batch {
     const BatchItem& item = m_.items[r.index];
     const ChildEnd ended = r.child->end();
     const double seconds = seconds_since(r.start);
-    const std::string said = last_line(r.part / "log.txt");
+    const fs::path part = r.part->path();
+    const std::string said = last_line(part / "log.txt");
     std::string reason;
     if (r.late) {
       reason = fmt::format("took longer than {:g} s", o_.time_limit);
@@ -291,52 +322,54 @@ class Batch {
     }
     std::error_code error;
     for (const std::string& file : item.made)
-      if (reason.empty() && !fs::exists(r.part / file, error)) reason = "wrote no " + file;
-    if (!reason.empty()) return failed(r.index, identity, reason, seconds);
+      if (reason.empty() && !fs::exists(part / file, error)) reason = "wrote no " + file;
+    if (!reason.empty()) return failed(r.index, part, identity, reason, seconds);
     try {
-      ItemRow row = row_of(r.index, r.part);
+      ItemRow row = row_of(r.index, part);
       Json record = {{"schema", kSchema}, {"schema_version", 1}, {"status", "done"}};
       record.update(identity);
-      record["outputs"] = outputs_of(r.part);
+      record["outputs"] = outputs_of(part);
       record["seconds"] = seconds;
-      write_text(r.part / "item.json",
+      write_file((part / "item.json").string(),
                  record.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
-      replace(r.index);
+      replace(r.index, part);
       return row;
     } catch (const std::exception& e) {
       // Paths inside the work folder would name a folder that is gone.
       const std::string text = e.what();
-      const std::string prefix = r.part.string() + "/";
-      return failed(r.index, identity,
+      const std::string prefix = part.string() + "/";
+      return failed(r.index, part, identity,
                     text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text, seconds);
     }
   }
 
   // Of a failed item remain the log and why.
-  ItemRow failed(std::size_t i, const Json& identity, const std::string& reason,
-                 double seconds) const {
-    const fs::path part = part_of(i);
+  ItemRow failed(std::size_t i, const fs::path& part, const Json& identity,
+                 const std::string& reason, double seconds) const {
     try {
-      if (fs::is_directory(part))
-        for (const auto& entry : fs::directory_iterator(part))
-          if (entry.path().filename() != "log.txt") fs::remove_all(entry.path());
-      fs::create_directory(part);
+      for (const auto& entry : fs::directory_iterator(part))
+        if (entry.path().filename() != "log.txt") fs::remove_all(entry.path());
       Json record = {
           {"schema", kSchema}, {"schema_version", 1}, {"status", "failed"}, {"reason", reason}};
       record.update(identity);
       record["seconds"] = seconds;
-      write_text(part / "item.json",
+      write_file((part / "item.json").string(),
                  record.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
-      replace(i);
+      replace(i, part);
     } catch (const std::exception&) {
       // The row tells what went wrong first.
     }
     return {m_.items[i].name, m_.commands[m_.items[i].command].name, "failed", reason, {}};
   }
 
-  void replace(std::size_t i) const {
-    fs::remove_all(folder_of(i));
-    fs::rename(part_of(i), folder_of(i));
+  // What stood there is removed with the part.
+  void replace(std::size_t i, const fs::path& part) const {
+    const fs::path folder = folder_of(i);
+    int error = rename_to_new(part, folder);
+    if (error == EEXIST || error == ENOTEMPTY) error = exchange(part, folder);
+    if (error)
+      throw Error(folder.string() +
+                  ": cannot be written: " + std::generic_category().message(error));
   }
 
   void stop(std::vector<Running>& running) const {
@@ -348,19 +381,7 @@ class Batch {
     };
     while (any_runs() && seconds_since(asked) < kGrace)
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    std::vector<fs::path> parts;
-    for (const Running& r : running) parts.push_back(r.part);
     running.clear();  // kills what still runs
-    std::error_code error;
-    for (const fs::path& part : parts) fs::remove_all(part, error);
-  }
-
-  void write_tables(const std::vector<ItemRow>& rows) const {
-    OutputFile csv((dir_ / "batch.csv").string(), true), json((dir_ / "batch.json").string(), true);
-    write_text(csv.temporary(), table_csv(rows));
-    write_text(json.temporary(), table_json(rows, o_.version));
-    csv.commit();
-    json.commit();
   }
 
   const BatchManifest& m_;

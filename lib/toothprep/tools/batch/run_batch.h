@@ -1,7 +1,7 @@
 // Runs the items of a manifest as child processes, so many at a time; what is done stays done.
 //
-// An item works in DIR/NAME.part, which becomes DIR/NAME when it has ended: an item's folder is
-// whole or not there. It holds what the command wrote, log.txt (the command's stderr) and
+// An item works in a hidden part of DIR, which becomes DIR/NAME when it has ended: an item's folder
+// is whole or not there. It holds what the command wrote, log.txt (the command's stderr) and
 // item.json (the command line, SHA-256 of inputs and outputs, the program's version, status). An
 // item is done, and not run again, if its item.json says so for the same command line, inputs and
 // version, and its outputs still have their hashes. DIR/batch.csv and DIR/batch.json have a row for
@@ -36,7 +36,7 @@ struct BatchResult {
 };
 
 // Throws Error if the folder can't be used: not writable, in use by another batch, or with a folder
-// of an item's name that no batch wrote. What goes wrong with an item is told in its row.
+// of an item's name, or a file in one, that no batch wrote. What goes wrong with an item is told in its row.
 BatchResult run_batch(const BatchManifest& manifest, const BatchOptions& options);
 
 }  // namespace toothprep

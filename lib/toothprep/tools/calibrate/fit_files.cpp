@@ -152,7 +152,7 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
                              {"force_factor", b.factor},
                              {"force_factor_std", b.std}});
   j["warnings"] = fit.warnings;
-  return j.dump(2) + "\n";
+  return j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,

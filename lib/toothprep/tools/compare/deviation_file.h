@@ -26,7 +26,7 @@ using Rgb = std::array<std::uint8_t, 3>;  // sRGB
 Rgb deviation_colour(double deviation_mm, double limit_mm = kDeviationColourLimit);
 
 // By extension .ply or .vtk. Throws Error for another one, or if there is not one deviation per
-// vertex. Writes `path` itself; callers go through OutputFile.
+// vertex. Writes `path` itself; callers go through Outputs.
 void write_deviation(const TriangleMesh& prepared, const std::vector<float>& deviation_mm,
                      const std::string& path, double limit_mm = kDeviationColourLimit);
 

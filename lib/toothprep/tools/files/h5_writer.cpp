@@ -70,7 +70,7 @@ Writer::Writer(const std::string& path, Growing) : path_(path) {
   // same.)
   check(H5Pset_cache(access.get(), 0, 0, 0, 1));
   check(H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110));
-  file_ = Handle(H5Fcreate(path.c_str(), H5F_ACC_EXCL, creation.get(), access.get()), H5Fclose);
+  file_ = Handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.get(), access.get()), H5Fclose);
   check(file_.get());
   group_creation_ = Handle(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
   check(H5Pset_obj_track_times(group_creation_.get(), false));

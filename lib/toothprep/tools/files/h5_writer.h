@@ -58,7 +58,7 @@ class Writer {
 // a chunk can then be filled in place.
 class GrowingWriter : public Writer {
  public:
-  explicit GrowingWriter(const std::string& path);  // the file must not exist
+  explicit GrowingWriter(const std::string& path);  // replaces a file
   ~GrowingWriter();                                 // close() or abandon() was not called: closes
 
   std::size_t column(const char* name, const char* unit, int width, Storage storage,

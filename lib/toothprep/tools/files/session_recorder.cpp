@@ -1,9 +1,12 @@
 #include "toothprep/tools/files/session_recorder.h"
 
+#include <fcntl.h>
 #include <pthread.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -197,7 +200,11 @@ SessionRecorder::SessionRecorder(const std::string& path, const SessionHeader& h
                                  const RecorderOptions& options)
     : path_(path), flush_s_(options.flush_s), ring_(options.capacity) {
   std::error_code error;
-  std::filesystem::remove(path, error);  // who still reads the old one keeps it
+  if (options.replace) std::filesystem::remove(path, error);  // who still reads it keeps it
+  const int made = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (made < 0)
+    throw Error(path + ": cannot be written: " + std::generic_category().message(errno));
+  ::close(made);
   try {
     const auto lock = h5::lock_hdf5();
     const h5::Quiet quiet;

@@ -36,6 +36,7 @@ namespace toothprep {
 struct RecorderOptions {
   std::size_t capacity = 8192;  // ticks that may wait for the disk: 8 s at 1 kHz
   double flush_s = 0.5;
+  bool replace = false;  // an existing file
 };
 
 // What is known only at the end.
@@ -46,7 +47,7 @@ struct SessionEnd {
 
 class SessionRecorder {
  public:
-  // Creates the file (replacing one: the caller has asked) and starts the thread. The header's
+  // Creates the file and starts the thread. The header's
   // trace has no rows yet; its audit is not looked at. Throws Error.
   SessionRecorder(const std::string& path, const SessionHeader& header,
                   const RecorderOptions& options = {});

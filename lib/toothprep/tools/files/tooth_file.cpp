@@ -20,6 +20,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
 namespace {
@@ -456,10 +457,7 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
     throw Error(path + ": this version of OpenVDB writes a header that toothprep does not know");
   const std::string id = id_of_content(bytes);
   std::copy(id.begin(), id.end(), bytes.begin() + kIdOffset);
-  std::ofstream out(path, std::ios::binary);
-  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  out.close();
-  if (!out) throw Error(path + ": cannot be written; is the disk full?");
+  write_file(path, {bytes.data(), bytes.size()});
 }
 
 }  // namespace toothprep

@@ -14,7 +14,7 @@ namespace toothprep {
 LayeredTooth read_tooth(const std::string& path);
 
 // Same tooth, same bytes: the archive's random id is derived from the content. Writes `path`
-// itself; callers go through OutputFile.
+// itself; callers go through Outputs.
 void write_tooth(const LayeredTooth& tooth, const std::string& path);
 
 }  // namespace toothprep

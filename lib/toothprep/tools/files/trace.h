@@ -29,7 +29,7 @@ struct Trace {
   std::vector<Vec3> measured_force;  // N; empty or one per row
 };
 
-// Writes `path` itself (callers go through OutputFile); same trace, same bytes (no object times).
+// Writes `path` itself (callers go through Outputs); same trace, same bytes (no object times).
 // Throws Error if it holds no rows or a value that is not finite, or if the disk is full.
 // Chunked, shuffled, gzip 4; the datasets are those of trace_columns.cpp.
 void write_trace(const Trace& trace, const std::string& path);

@@ -10,8 +10,9 @@
 #include <csignal>
 #include <exception>
 #include <fstream>
-#include <mutex>
 #include <new>
+
+#include "toothprep/tools/io/child_process.h"
 
 namespace toothprep {
 namespace {
@@ -60,14 +61,11 @@ std::optional<std::string> failure_in_trial(const std::function<void()>& work, u
                                             std::size_t memory) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return {};
-  // ITK ends and restarts its threads around a fork, and not for two forks at once.
-  static std::mutex one_fork;
-  pid_t child = 0;
-  {
-    const std::scoped_lock guard(one_fork);
-    child = fork();
+  const pid_t parent = getpid(), child = fork_alone();
+  if (child == 0) {
+    end_with_parent(parent, SIGKILL);
+    run_as_child(work, seconds, memory, ends[1]);
   }
-  if (child == 0) run_as_child(work, seconds, memory, ends[1]);
   close(ends[1]);
   std::string text;
   char buffer[1024];

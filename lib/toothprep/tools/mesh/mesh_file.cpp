@@ -4,10 +4,10 @@
 #include <cctype>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/number_text.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/mesh/surface.h"
 
 namespace toothprep {
@@ -183,10 +183,7 @@ void write_mesh(const TriangleMesh& mesh, const std::string& path,
                     : extension == ".vtk" ? vtk_of(mesh, attributes)
                     : extension == ".stl" ? stl_of(mesh)
                                           : obj_of(mesh);
-  std::ofstream file(path, std::ios::binary);
-  file.write(out.bytes().data(), static_cast<std::streamsize>(out.bytes().size()));
-  file.close();
-  if (!file) throw Error(path + ": cannot be written; is the disk full?");
+  write_file(path, {out.bytes().data(), out.bytes().size()});
 }
 
 }  // namespace toothprep

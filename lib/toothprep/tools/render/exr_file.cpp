@@ -5,6 +5,7 @@
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
 #include <ImfOutputFile.h>
+#include <ImfStdIO.h>
 #include <ImfStringAttribute.h>
 #include <ImfVecAttribute.h>
 #include <half.h>
@@ -13,6 +14,7 @@
 #include <exception>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/render/image.h"
 
 namespace toothprep {
@@ -57,9 +59,15 @@ void write_exr(const Image& image, const std::string& path,
     channel("tissue.ID", Imf::FLOAT, image.tissue.data(), 0, 1);
     channel("deviation.Y", Imf::FLOAT, image.deviation.data(), 0, 1);
 
-    Imf::OutputFile file(path.c_str(), header);
-    file.setFrameBuffer(pixels);
-    file.writePixels(camera.height);
+    Imf::StdOSStream bytes;  // the file's destructor would not say that the disk is full
+    {
+      Imf::OutputFile file(bytes, header);
+      file.setFrameBuffer(pixels);
+      file.writePixels(camera.height);
+    }
+    write_file(path, bytes.str());
+  } catch (const Error&) {
+    throw;
   } catch (const std::exception& e) {
     throw Error(path + ": cannot be written as OpenEXR: " + e.what());
   }

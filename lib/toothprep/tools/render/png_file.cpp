@@ -1,8 +1,7 @@
 #include <png.h>
 
-#include <fstream>
-
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/render/image.h"
 
 namespace toothprep {
@@ -26,11 +25,7 @@ std::string png_bytes(const Picture& picture) {
 }
 
 void write_png(const Picture& picture, const std::string& path) {
-  const std::string bytes = png_bytes(picture);
-  std::ofstream file(path, std::ios::binary);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (!file) throw Error(path + ": cannot be written; is the disk full?");
+  write_file(path, png_bytes(picture));
 }
 
 }  // namespace toothprep

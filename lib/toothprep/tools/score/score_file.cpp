@@ -1,11 +1,11 @@
 #include "toothprep/tools/score/score_file.h"
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/json_number.h"
+#include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
 namespace {
@@ -113,10 +113,7 @@ std::string score_json(const ScoreSheet& sheet) {
 }
 
 void write_score(const ScoreSheet& sheet, const std::string& path) {
-  std::ofstream out(path, std::ios::binary);
-  out << score_json(sheet);
-  out.close();
-  if (!out) throw Error(path + ": cannot be written");
+  write_file(path, score_json(sheet));
 }
 
 }  // namespace toothprep

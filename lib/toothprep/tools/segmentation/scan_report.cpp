@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/csv_writer.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
 
 namespace toothprep {
@@ -195,10 +195,8 @@ void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
                                 {"thinnest", t.thinnest},
                                 {"points", t.points}};
   j["notes"] = report.notes;
-  std::ofstream out(folder + "/report.json");
-  out << j.dump(2) << '\n';
-  out.close();
-  if (!out) throw Error(folder + "/report.json: cannot be written");
+  write_file(folder + "/report.json",
+             j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n');
   if (scan) write_histogram(folder + "/histogram.csv", *scan, tooth);
   const VoxelBox box = voxels_of(tooth);
   const char* names[3] = {"x", "y", "z"};
