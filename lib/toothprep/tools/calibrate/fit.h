@@ -3,9 +3,9 @@
 // Least squares with a robust loss on the model of force_model.h (Ceres; u and u/alpha positive by
 // their logarithms), from several starts. The uncertainty comes from the residuals as they are:
 // blocks longer than their correlation are drawn anew (block bootstrap). A tissue whose parameters
-// the recordings don't tell gets a reason instead of a number.
+// the recordings don't determine gets a reason instead of a number.
 //
-// Forces tell u/N and alpha only: u is for the rotation rate N of the basis, and scales with it.
+// Forces determine u/N and alpha only: u is for the rotation rate N of the basis, and scales with it.
 #pragma once
 
 #include <cstdint>
@@ -43,7 +43,7 @@ struct FitOptions {
   std::uint64_t seed = 1;
   bool diagnose = true;  // validation, suspicions, adequacy
   // Where the search starts (times 1, 10 and 1/10), and the alpha that stands in where only u/alpha
-  // can be told.
+  // is identifiable.
   PerTissue<GrindingProperties> start = preset_parameters("paper").tissue;
 };
 
@@ -119,7 +119,7 @@ struct FitResult {
   Estimate delay;                                             // s
   Vec3 rotation = Vec3::Zero(), rotation_std = Vec3::Zero();  // rad
   Vec3 weight = Vec3::Zero(), weight_std = Vec3::Zero();      // N
-  std::string weight_why_not;                                 // asked for, but not to be told
+  std::string weight_why_not;                                 // of a requested weight that isn't identifiable
   Estimate lowpass;                                           // time constant of the sensor, s
   double delay_lowpass_correlation = 0;                       // where both were estimated
   std::vector<RecordingFit> recordings;

@@ -162,7 +162,7 @@ void describe_sensor(const Solution& solution, const BlockDraws& draws, const As
     if (std::abs(result.delay_lowpass_correlation) > kAlike)
       result.warnings.push_back(fmt::format(
           "delay and low-pass look alike in these recordings (correlation {:.2f}): their sum, "
-          "{:.2f} ms, is known better than either; sharp changes of the force tell them apart",
+          "{:.2f} ms, is known better than either; sharp changes of the force separate them",
           result.delay_lowpass_correlation, 1e3 * (delay.value + lowpass.value)));
   }
   for (std::size_t r = 0; r < result.recordings.size(); ++r) {

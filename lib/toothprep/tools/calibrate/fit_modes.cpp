@@ -139,7 +139,7 @@ void throw_if_none(const FitModes& modes, const FitStart& start) {
       why +=
           (why.empty() ? "" : "; ") + std::string(kTissueNames[k]) + ": " + modes.why_not[k].text;
   }
-  throw Error("no parameter can be told from these recordings (" + why + ")");
+  throw Error("no parameter is identifiable from these recordings (" + why + ")");
 }
 
 }  // namespace

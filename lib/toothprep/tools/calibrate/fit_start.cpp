@@ -130,12 +130,13 @@ void check_weight(FitStart& start) {
       turn.eigenvalues()[2] > least * least
           ? fmt::format(
                 "the handpiece turned about ({:.2f}, {:.2f}, {:.2f}) only, and its weight along "
-                "that axis can't be told from the sensor's bias: turn it about another axis too",
+                "that axis can't be separated from the sensor's bias: turn it about another axis "
+                "too",
                 axis.x(), axis.y(), axis.z())
           : fmt::format(
                 "the bur never turned ({:.1f} degrees rms), so the handpiece's weight can't be "
-                "told from the sensor's bias: turn it by some 20 degrees, or give the bias or the "
-                "weight",
+                "separated from the sensor's bias: turn it by some 20 degrees, or give the bias or "
+                "the weight",
                 units::to_degree(std::sqrt(std::max(0.0, turn.eigenvalues()[2]))));
   start.asked.weight = false;
 }
@@ -264,8 +265,8 @@ FitStart start_of(std::vector<ComparedRecording> recordings, const FitOptions& o
   if (recordings.empty()) throw Error("no recording to calibrate with");
   if (o.estimate_weight && !o.on_handpiece)
     throw Error(
-        "the handpiece's weight can't be told from the sensor's bias unless the sensor turns with "
-        "the handpiece: give --sensor-on handpiece, or leave the weight to the bias");
+        "the handpiece's weight can't be separated from the sensor's bias unless the sensor turns "
+        "with the handpiece: give --sensor-on handpiece, or leave the weight to the bias");
   FitStart start;
   start.asked = {!o.bias.has_value(), o.estimate_drift,  o.estimate_delay,
                  o.estimate_rotation, o.estimate_weight, o.estimate_lowpass};
