@@ -210,7 +210,7 @@ def copy(source, target):
 def damage(path, random):
     """Damages the file, or one of the files of the folder."""
     if os.path.isdir(path):
-        files = sorted(os.listdir(path))
+        files = sorted(f for f in os.listdir(path) if f.endswith(".dcm"))
         one = os.path.join(path, random.choice(files))
         what = random.random()
         if what < 0.05:

@@ -226,7 +226,7 @@ def dicom(folder, classes):
     import numpy as np
     import pydicom
     slices = []
-    for path in sorted(glob.glob(os.path.join(folder, "*"))):
+    for path in sorted(glob.glob(os.path.join(folder, "*.dcm"))):
         d = pydicom.dcmread(path)
         values = d.pixel_array * float(d.RescaleSlope) + float(d.RescaleIntercept)
         slices.append((float(d.ImagePositionPatient[2]), [float(x) for x in d.ImagePositionPatient],
