@@ -36,7 +36,7 @@ struct BatchResult {
 };
 
 // Throws Error if the folder can't be used: not writable, in use by another batch, or with a folder
-// of an item's name, or a file in one, that no batch wrote. What goes wrong with an item is told in its row.
+// of an item's name, or a file in one, that no batch wrote. What goes wrong with an item is reported in its row.
 BatchResult run_batch(const BatchManifest& manifest, const BatchOptions& options);
 
 }  // namespace toothprep
