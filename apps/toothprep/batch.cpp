@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "command.h"
+#include "strictness.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/batch/run_batch.h"
 #include "toothprep/version.h"
@@ -16,7 +17,7 @@ namespace {
 
 struct Options {
   std::string manifest, output;
-  bool redo = false;
+  bool redo = false, strict = false;
   double time_limit = 0;
 };
 
@@ -92,12 +93,19 @@ void run(const Options& o, CLI::App& app, const Common& common) {
       if (++failures <= 10) failed += (failed.empty() ? "" : ", ") + row.name;
     }
   if (failures > 10) failed += ", ...";
+  std::vector<std::string> doubtful;
+  for (const ItemRow& row : result.rows)
+    for (const auto& [key, value] : row.figures)
+      if (key == "plausible" && value == "false")
+        doubtful.push_back(o.output + "/" + row.name +
+                           ": its inputs or its energy audit can't be right; see its log.txt");
   say(common, o.output + "/batch.csv: " + std::to_string(result.rows.size()) + " items, " +
                   std::to_string(result.run) + " run now");
   if (failures > 0)
     throw Error(o.output + ": " + std::to_string(failures) + " of " +
                 std::to_string(result.rows.size()) + " items failed: " + failed +
                 "; see batch.csv and their log.txt");
+  warn_or_refuse(doubtful, o.strict);
 }
 
 }  // namespace
@@ -107,6 +115,8 @@ void add_batch(CLI::App& app, const Common& common) {
   const auto o = std::make_shared<Options>();
   sub->add_option("manifest", o->manifest, "What to run on which files (.toml)")->required();
   sub->add_option("-o,--output", o->output, "Folder for the results and their table")->required();
+  sub->add_flag("--strict", o->strict,
+                "Exit 1 if an item's inputs or its energy audit can't be right; all is written");
   sub->add_flag("--redo", o->redo, "Also run what is done already");
   sub->add_option("--time-limit-s", o->time_limit, "End an item that takes longer (0: no limit)")
       ->check(CLI::Range(0.0, 1e7))

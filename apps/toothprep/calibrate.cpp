@@ -7,7 +7,9 @@
 #include <memory>
 
 #include "command.h"
+#include "numeric_options.h"
 #include "session_options.h"
+#include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
@@ -20,6 +22,7 @@
 #include "toothprep/tools/calibrate/spindle.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/io/write_file.h"
 #include "toothprep/version.h"
 
@@ -39,7 +42,7 @@ struct Options {
   int bootstrap = 1000, folds = 5;
   std::uint64_t seed = 1;
   bool fit_droop = false;
-  bool force = false, allow_gaps = false, no_plots = false, json = false;
+  bool force = false, allow_gaps = false, no_plots = false, json = false, strict = false;
 };
 
 constexpr double kNoisyFeed = 0.3;  // velocity noise by feed, from which it is said
@@ -50,11 +53,17 @@ Vec3 three(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 std::optional<Vec3> bias_of(const std::string& text) {
   if (text.empty()) return {};
   if (text == "zero") return Vec3(Vec3::Zero());
-  Vec3 bias;
-  char rest = 0;
-  if (std::sscanf(text.c_str(), "%lf,%lf,%lf%c", &bias.x(), &bias.y(), &bias.z(), &rest) != 3 ||
-      !bias.allFinite())
-    throw InputError("--bias", text, "is neither 'zero' nor three numbers x,y,z in N");
+  const auto parts = CLI::detail::split(text, ',');
+  Vec3 bias = Vec3::Zero();
+  bool good = parts.size() == 3;
+  for (std::size_t a = 0; a < 3 && good; ++a) {
+    const auto value = decimal_number(parts[a]);
+    good = value.has_value();
+    bias[static_cast<int>(a)] = value.value_or(0);
+  }
+  if (!good)
+    throw CLI::ValidationError("--bias",
+                               "'" + text + "' is neither 'zero' nor three numbers x,y,z in N");
   return bias;
 }
 
@@ -175,6 +184,7 @@ std::vector<MeasuredRecording> read_all(const Options& o, const std::string& too
         read_recording(path, force_reading(o),
                        o.drive == "coupled" ? RecordedPose::kHandle : RecordedPose::kBurOrHandle));
     const MeasuredRecording& r = recordings.back();
+    warn_or_refuse(path, judge_motion(r.motion.samples), o.strict);
     check_same_tooth(r, tooth_hash, o.tooth);
     if (!r.bur.empty() && r.bur != o.bur)
       warn(path + ": was recorded with the bur " + r.bur + ", not " + o.bur);
@@ -201,6 +211,7 @@ std::vector<RecordedMotion> motions_of(const std::vector<MeasuredRecording>& rec
                                        const Options& o, double time_step, bool speed) {
   std::vector<RecordedMotion> motions;
   for (const MeasuredRecording& r : recordings) {
+    check_run_memory(r.name, r.motion, time_step);
     motions.push_back(motion_of(r, time_step, o.allow_gaps, speed));
     auto& path = motions.back().path;
     path = smoothed(path, o.smooth_motion_ms * 1e-3);
@@ -325,9 +336,11 @@ void run(const Options& o, const Common& common) {
   session.stall_torque = o.stall_torque;
   Parameters parameters = load_parameters(session);
   const FitOptions options = fit_options(o, parameters);
+  warn_or_refuse(o.params.empty() ? "parameters" : o.params, judge_parameters(parameters),
+                 o.strict);
 
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
-  const LayeredTooth tooth = read_tooth(o.tooth);
+  const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
   FitSources sources{kVersion, o.tooth, tooth_sha256(tooth), o.bur, {}};
   for (const std::string& path : o.measured)
     sources.recording_sha256.push_back(sha256_of_file(path));
@@ -403,7 +416,8 @@ void add_calibrate(CLI::App& app, const Common& common) {
       ->capture_default_str();
   sub->add_option("--stiffness-n-per-mm", o->stiffness,
                   "Coupling of a coupled rig, over the file's");
-  sub->add_option("--stall-torque-mnm", o->stall_torque, "Stall torque, over the file's");
+  or_infinity(sub->add_option("--stall-torque-mnm", o->stall_torque,
+                              "Stall torque (inf: none), over the file's"));
   sub->add_option("--rotation-rate-rev-s", o->rotation_rate,
                   "N of the recordings, over a recorded speed: only u/N is then determined");
   sub->add_flag("--fit-droop", o->fit_droop,
@@ -465,6 +479,8 @@ void add_calibrate(CLI::App& app, const Common& common) {
   sub->add_option("--seed", o->seed, "Of the bootstrap")->capture_default_str();
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the motion");
   sub->add_flag("--no-plots", o->no_plots, "Only the tables in --report");
+  add_strict(*sub, o->strict,
+             "a tooth that another program changed, or inputs that can't be meant");
   sub->add_flag("--json", o->json, "The fit on stdout too");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

@@ -1,17 +1,17 @@
 #include "drawn.h"
 
 #include "command.h"
+#include "strictness.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/render/ply_values.h"
 #include "toothprep/tools/shells/shells.h"
 
 namespace toothprep::app {
 
-Drawn read_drawn(const std::string& path) {
+Drawn read_drawn(const std::string& path, bool strict) {
   Drawn drawn;
   if (has_extension(path, ".vdb")) {
-    drawn.tooth = std::make_unique<LayeredTooth>(read_tooth(path));
+    drawn.tooth = std::make_unique<LayeredTooth>(load_tooth(path, strict));
     drawn.part.mesh = extract_surface(*drawn.tooth, SurfaceOf::kAll);
     if (drawn.part.mesh.triangles.empty())
       throw InputError(path, "grid 'solid'", "nothing remains, so there is nothing to draw");

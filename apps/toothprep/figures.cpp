@@ -28,7 +28,7 @@ struct Options {
   std::string output, experiments, engine = "both", params, preset = "paper";
   std::vector<std::string> only;
   double voxel = 0.1;
-  bool force = false, no_plots = false, list = false, json = false;
+  bool force = false, no_plots = false, list = false, json = false, strict = false;
 };
 
 constexpr int kPixels = 700;  // width and height of a picture of one surface
@@ -113,8 +113,13 @@ void run(const Options& o, const Common& common) {
   outputs.publish();
   std::cout << table.str();
 
-  std::size_t claims = 0, failing = 0;
-  for (const figures::FigureReport& f : reports)
+  std::size_t claims = 0, failing = 0, findings = 0;
+  for (const figures::FigureReport& f : reports) {
+    for (const figures::RunReport& r : f.runs)
+      for (const std::string& finding : r.findings) {
+        ++findings;
+        warn(f.name + " (" + r.run + ", " + r.engine + "): " + finding);
+      }
     for (const figures::Claim& c : f.claims) {
       ++claims;
       if (c.holds) continue;
@@ -123,8 +128,12 @@ void run(const Options& o, const Common& common) {
            fmt::format("{}: expected {:.4g}, measured {:.4g} {}", c.quantity, c.expected,
                        c.measured, c.unit));
     }
+  }
   say(common, std::to_string(claims - failing) + " of " + std::to_string(claims) +
                   " claims hold; see " + o.output + "/figures.md");
+  if (o.strict && failing + findings > 0)
+    throw Error(o.output + ": " + std::to_string(failing) + " claims do not hold, " +
+                std::to_string(findings) + " runs can't be right (--strict)");
 }
 
 }  // namespace
@@ -153,6 +162,8 @@ void add_figures(CLI::App& app, const Common& common) {
                   "Folder of experiments (default: data/figures; copy one there and change it)");
   sub->add_flag("--no-plots", o->no_plots, "Only numbers, traces and meshes");
   sub->add_flag("--json", o->json, "Also print figures.json");
+  sub->add_flag("--strict", o->strict,
+                "Exit 1 if a claim does not hold or a run can't be right; the folder is written");
   sub->add_flag("--list", o->list, "Lists the experiments");
   sub->add_flag("--force", o->force, "Replace an existing folder");
   sub->footer("Example: toothprep figures --only 9,13 -o figures");

@@ -13,10 +13,13 @@
 
 #include "command.h"
 #include "mesh_summary.h"
+#include "strictness.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/io/json_text.h"
+#include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/scan_files/image_file.h"
 
 namespace toothprep::app {
@@ -26,7 +29,7 @@ using Json = nlohmann::ordered_json;
 
 struct Options {
   std::string file;
-  bool json = false;
+  bool json = false, strict = false;
 };
 
 Json list(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
@@ -37,8 +40,17 @@ Json by_tissue(const PerTissue<double>& values) {
   return result;
 }
 
-void describe_tooth(const std::string& path, Json& info) {
-  const LayeredTooth tooth = read_tooth(path);
+// What is odd about the file, for --strict and under the key `warnings`.
+using Warnings = std::vector<std::string>;
+
+void add(Warnings& warnings, const std::string& path, const std::vector<Finding>& findings) {
+  for (const Finding& f : findings) warnings.push_back(path + ": " + message_of(f));
+}
+
+void describe_tooth(const std::string& path, Json& info, Warnings& warnings) {
+  const ToothReading reading = read_tooth_with_warnings(path);
+  const LayeredTooth& tooth = reading.tooth;
+  warnings = reading.warnings;
   const PerTissue<double> volume = remaining_volumes_mm3(tooth);
   double solid = 0;
   for (const double v : volume) solid += v;
@@ -73,13 +85,34 @@ void describe_motion(const std::vector<HandleSample>& samples, Json& info) {
   info["bounds_mm"] = bounds(min, max);
 }
 
-void describe_trajectory(const Trajectory& trajectory, Json& info) {
+void describe_trajectory(const std::string& path, const Trajectory& trajectory, Json& info,
+                         Warnings& warnings) {
   info["kind"] = "trajectory";
+  add(warnings, path, judge_motion(trajectory.samples));
   describe_motion(trajectory.samples, info);
   info["has_measured_force"] = !trajectory.measured_force.empty();
 }
 
-void describe_trace(const std::string& path, Json& info) {
+// Not of a recording that was cut off, which has no audit, nor of another version's trace with
+// parameters that this one doesn't know.
+void judge_trace(const std::string& path, const Trace& trace, double peak_force, double lag,
+                 Json& info, Warnings& warnings) {
+  if (std::isnan(trace.audit.torque_work_mj)) return;
+  Parameters parameters;
+  try {
+    parameters = parse_parameters(trace.parameters_toml, path + ": parameters");
+  } catch (const Error&) {
+    return;
+  }
+  const Audit audit = judge_audit(trace.audit.torque_work_mj, trace.audit.removed_energy_mj,
+                                  trace.rows.back().removed_volume, parameters);
+  const auto findings = judge_run(judge_parameters(parameters), audit, peak_force, lag,
+                                  trace.drive == "direct" ? Drive::kDirect : Drive::kCoupled);
+  put_judgement(info, audit, findings);
+  add(warnings, path, findings);
+}
+
+void describe_trace(const std::string& path, Json& info, Warnings& warnings) {
   const Trace trace = read_trace(path);
   info["kind"] = "trace";
   info["file_schema"] = "toothprep-trace";
@@ -112,6 +145,9 @@ void describe_trace(const std::string& path, Json& info) {
   info["torque_work_mj"] = trace.audit.torque_work_mj;
   info["removed_energy_mj"] = trace.audit.removed_energy_mj;
   info["energy_ratio"] = trace.audit.energy_ratio;
+  if (!trace.tooth_sha256.empty())  // else an active check of a device, where the hand may rest
+    add(warnings, path, judge_motion(handle));
+  judge_trace(path, trace, device, lag, info, warnings);
   info["has_measured_force"] = !trace.measured_force.empty();
   info["bur"] = trace.bur;
   info["drive"] = trace.drive;
@@ -172,7 +208,8 @@ void describe_mesh(const std::string& path, const std::string& extension, Json& 
 }
 
 std::string scalar(const Json& value) {
-  if (!value.is_number_float()) return value.is_string() ? value.get<std::string>() : value.dump();
+  if (!value.is_number_float())
+    return value.is_string() ? terminal_text(value.get<std::string>()) : value.dump();
   return fmt::format("{:.6g}", value.get<double>());
 }
 
@@ -184,7 +221,8 @@ void print(const Json& info) {
     std::string line = key + std::string(width + 2 - key.size(), ' ');
     if (value.is_object()) {
       for (const auto& [name, part] : value.items())
-        line += (name == value.begin().key() ? "" : ", ") + name + " " + scalar(part);
+        line +=
+            (name == value.begin().key() ? "" : ", ") + terminal_text(name) + " " + scalar(part);
     } else if (value.is_array()) {
       for (const Json& part : value)
         if (part.is_array())
@@ -217,6 +255,7 @@ void run(const Options& o) {
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   Json info;
+  Warnings warnings;
   info["schema"] = "toothprep-info";
   info["schema_version"] = 1;
   info["file"] = o.file;
@@ -225,20 +264,22 @@ void run(const Options& o) {
     const std::vector<SeriesInfo> series = list_series(o.file);
     series.size() > 1 ? describe_series(series, info) : describe_scan(o.file, info);
   } else if (extension == ".vdb")
-    describe_tooth(o.file, info);
+    describe_tooth(o.file, info, warnings);
   else if (extension == ".h5" || extension == ".hdf5")
-    is_trace_file(o.file) ? describe_trace(o.file, info)
-                          : describe_trajectory(read_h5_trajectory(o.file), info);
+    is_trace_file(o.file) ? describe_trace(o.file, info, warnings)
+                          : describe_trajectory(o.file, read_h5_trajectory(o.file), info, warnings);
   else if (extension == ".csv")
-    describe_trajectory(read_csv_trajectory(o.file), info);
+    describe_trajectory(o.file, read_csv_trajectory(o.file), info, warnings);
   else if (extension == ".toml")
-    describe_trajectory(read_script(o.file), info);
+    describe_trajectory(o.file, read_script(o.file), info, warnings);
   else if (extension == ".ply" || extension == ".stl" || extension == ".obj")
     describe_mesh(o.file, extension, info);
   else
     describe_scan(o.file, info);
+  if (!warnings.empty()) info["warnings"] = warnings;
+  warn_or_refuse(warnings, o.strict);
   if (o.json)
-    std::cout << info.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
+    std::cout << json_text(info);
   else
     print(info);
   if (!std::cout.flush()) throw Error("stdout cannot be written");
@@ -254,6 +295,8 @@ void add_info(CLI::App& app, const Common&) {
          "Tooth (.vdb), trace or trajectory (.h5, .csv, .toml), mesh (.ply, .stl, .obj), or a "
          "scan (.nrrd, .nii, .mha, ..., or a folder of DICOM)")
       ->required();
+  add_strict(*sub, o->strict,
+             "a tooth that another program changed, a motion or a trace that can't be meant");
   sub->add_flag("--json", o->json, "As one JSON object on stdout");
   sub->footer(
       "Keys carry their unit. Always: schema, schema_version, file, file_sha256, kind. Besides:\n"

@@ -11,7 +11,9 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "numeric_options.h"
 #include "session_options.h"
+#include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
@@ -20,6 +22,7 @@
 #include "toothprep/tools/display/display_surface.h"
 #include "toothprep/tools/files/session_recorder.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/live/live_watch.h"
 #include "toothprep/tools/live/tick_statistics.h"
@@ -40,7 +43,7 @@ struct Options {
   double duration = 0, display_hz = 0;
   std::optional<double> force_limit, force_rate, vibration_limit;
   std::optional<long> rate;
-  bool force = false, json = false, no_real_time = false;
+  bool force = false, json = false, no_real_time = false, strict = false;
 };
 
 // ---- The device
@@ -236,8 +239,33 @@ LiveWatch watch_for(const Options& o, const Common& common, Signals& signals,
   return watch;
 }
 
+EnergyAudit audit_of(const SessionTotals& t, const Parameters& parameters) {
+  EnergyAudit audit{t.torque_work, 0, std::numeric_limits<double>::quiet_NaN()};
+  for (int k = 0; k < kTissueCount; ++k)
+    audit.removed_energy_mj += parameters.tissue[k].specific_energy * t.removed[k];
+  if (audit.removed_energy_mj > 0)
+    audit.energy_ratio = audit.torque_work_mj / audit.removed_energy_mj;
+  return audit;
+}
+
+// What the totals of a session say of it; nothing of an active check.
+struct Judged {
+  Audit audit;
+  std::vector<Finding> findings;
+};
+
+Judged judged(const SessionTotals& t, const EnergyAudit& audit, const Parameters& parameters,
+              Drive drive) {
+  Judged j;
+  j.audit = judge_audit(audit.torque_work_mj, audit.removed_energy_mj, t.removed, parameters);
+  j.findings =
+      judge_run(judge_parameters(parameters), j.audit, t.peak_device_force, t.largest_lag, drive);
+  return j;
+}
+
 nlohmann::ordered_json report_json(const TickStatistics& t, const LiveEnd& end, const Options& o,
-                                   const HapticDevice& device) {
+                                   const HapticDevice& device,
+                                   const std::optional<Judged>& judged) {
   nlohmann::ordered_json j;
   j["schema"] = "toothprep-live";
   j["session"] = o.output;
@@ -257,6 +285,7 @@ nlohmann::ordered_json report_json(const TickStatistics& t, const LiveEnd& end, 
   j["faults"] = end.device.faults;
   j["end_reason"] = end.reason;
   j["fault"] = end.fault;
+  if (judged) put_judgement(j, judged->audit, judged->findings);
   return j;
 }
 
@@ -292,7 +321,8 @@ void check_rate(const HapticDevice& device, double time_step) {
 }
 
 void finish(const Options& o, const Common& common, const LiveEnd& end, SessionRecorder& recorder,
-            const EnergyAudit& audit, const Sinks& sinks, const HapticDevice& device) {
+            const EnergyAudit& audit, const Sinks& sinks, const HapticDevice& device,
+            const std::optional<Judged>& judged = {}) {
   if (!common.quiet && isatty(STDERR_FILENO) != 0) std::fputc('\n', stderr);
   std::string failure;
   try {
@@ -304,12 +334,10 @@ void finish(const Options& o, const Common& common, const LiveEnd& end, SessionR
   if (recorder.dropped() > 0)
     warn(fmt::format("{} ticks could not be recorded", recorder.dropped()));
   say(common, o.output + ": " + std::to_string(recorder.rows()) + " rows; ended by: " + end.reason);
-  if (o.json)
-    std::cout << report_json(sinks.statistics, end, o, device)
-                     .dump(2, ' ', false, nlohmann::json::error_handler_t::replace)
-              << '\n';
+  if (o.json) std::cout << json_text(report_json(sinks.statistics, end, o, device, judged));
   if (end.fault) throw Error(end.reason + " (recorded in " + o.output + ")");
   if (!failure.empty()) throw Error(failure);
+  if (judged) warn_or_refuse(o.output, judged->findings, o.strict);
 }
 
 void run_session(const Options& o, const Common& common, Signals& signals, Outputs& outputs) {
@@ -322,7 +350,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   if (registration.translation && !o.start.empty())
     throw Error(o.registration +
                 ": has a translation, so --start-mm can't say where the hand starts");
-  LayeredTooth tooth = read_tooth(o.session.tooth);
+  LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
   Vec3 start = start_above(tooth, registration);
   if (!o.start.empty())
     start = Vec3(o.start[0], o.start[1], o.start[2]);
@@ -380,11 +408,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   audit.energy_ratio = std::numeric_limits<double>::quiet_NaN();
   if (session) {
     const SessionTotals& t = session->totals();
-    audit.torque_work_mj = t.torque_work;
-    for (int k = 0; k < kTissueCount; ++k)
-      audit.removed_energy_mj += parameters.tissue[k].specific_energy * t.removed[k];
-    if (audit.removed_energy_mj > 0)
-      audit.energy_ratio = audit.torque_work_mj / audit.removed_energy_mj;
+    audit = audit_of(t, parameters);
     say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} "
                             "mm^3; peak force {:.2f} N; stalled in {} steps",
                             t.removed[0], t.removed[1], t.removed[2], t.removed[3],
@@ -408,7 +432,12 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
       failure = e.what();
     }
   }
-  finish(o, common, end, recorder, audit, sinks, *device);
+  std::optional<Judged> judgement;
+  if (session) {
+    judgement = judged(session->totals(), audit, parameters, drive_of(o.session));
+    say(common, audit_text(judgement->audit));
+  }
+  finish(o, common, end, recorder, audit, sinks, *device, judgement);
   if (!failure.empty()) throw Error(failure);
 }
 
@@ -501,8 +530,9 @@ void add_live(CLI::App& app, const Common& common) {
       ->check(CLI::Range(0.01, 100.0));
   sub->add_option("--force-rate-n-per-s", o->force_rate, "At most so fast a change (3000)")
       ->check(CLI::Range(1.0, 1e6));
-  sub->add_option("--vibration-limit-n", o->vibration_limit,
-                  "RMS above 20 Hz at which the force is switched off (1); inf: never");
+  or_infinity(
+      sub->add_option("--vibration-limit-n", o->vibration_limit,
+                      "RMS above 20 Hz at which the force is switched off (1); inf: never"));
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
   sub->add_option("--display-hz", o->display_hz,
                   "Keep the surface for a display up to date at this rate (0: not)")
@@ -512,6 +542,9 @@ void add_live(CLI::App& app, const Common& common) {
       "An active check of the device instead of a session: rest, step, stiffness-sweep, "
       "damping-sweep, wall, with their figures if you like (see toothprep rig-check)");
   sub->add_flag("--no-real-time", o->no_real_time, "Don't ask for SCHED_FIFO and locked memory");
+  sub->add_flag("--strict", o->strict,
+                "Exit 1 for a tooth that another program changed (before the session), parameters "
+                "that can't be meant or an energy audit out of range (the recording stays)");
   sub->add_flag("--json", o->json, "Figures of the ticks as JSON on stdout");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

@@ -9,20 +9,32 @@
 #include <filesystem>
 #include <iostream>
 #include <new>
+#include <sstream>
 #include <thread>
 
 #include "command.h"
+#include "numeric_options.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/child_process.h"
 #include "toothprep/tools/io/part.h"
+#include "toothprep/tools/io/plain_text.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
+namespace {
+
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r') c = ' ';
+  return terminal_text(text);
+}
+
+}  // namespace
 
 void say(const Common& common, const std::string& line) {
-  if (!common.quiet) std::cerr << line << '\n';
+  if (!common.quiet) std::cerr << terminal_text(line) << '\n';
 }
-void warn(const std::string& line) { std::cerr << "warning: " << line << '\n'; }
+void warn(const std::string& line) { std::cerr << "warning: " << one_line(line) << '\n'; }
 
 bool has_extension(const std::string& path, const std::string& extension) {
   std::string end = std::filesystem::path(path).extension().string();
@@ -61,12 +73,6 @@ bool run_script(const std::string& name, const std::vector<std::string>& argumen
 
 namespace {
 
-std::string one_line(std::string text) {
-  for (char& c : text)
-    if (c == '\n' || c == '\r') c = ' ';
-  return text;
-}
-
 int run(int argc, char** argv) {
   CLI::App app{
       "toothprep: haptic tooth preparation, offline. Layered teeth from CT, replay of handpiece\n"
@@ -84,6 +90,7 @@ int run(int argc, char** argv) {
        {add_specimen, add_voxelize, add_info, add_replay, add_export, add_mesh, add_figures,
         add_live, add_rig_check, add_calibrate, add_batch, add_render, add_score})
     add(app, common);
+  check_numbers(app);
   std::optional<tbb::global_control> limit;
   app.parse_complete_callback([&] {
     if (common.threads > 0)
@@ -92,7 +99,11 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    std::ostringstream out, error;
+    const int status = app.exit(e, out, error);
+    std::cout << out.str();
+    std::cerr << terminal_text(error.str());
+    return status == 0 ? 0 : 2;
   }
   if (!std::cout.flush() || std::fflush(stdout) != 0) throw Error("stdout cannot be written");
   return 0;

@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "command.h"
+#include "strictness.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/mesh/surface.h"
 
@@ -16,7 +16,7 @@ namespace {
 struct Options {
   std::string tooth, output;
   std::string tissue = "all";
-  bool force = false;
+  bool force = false, strict = false;
 };
 
 const std::map<std::string, SurfaceOf> kSurfaces = {{"all", SurfaceOf::kAll},
@@ -29,7 +29,7 @@ void run(const Options& o, const Common& common) {
   outputs.reads({o.tooth});
   const std::string output = outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk"});
   outputs.begin();
-  const TriangleMesh mesh = extract_surface(read_tooth(o.tooth), kSurfaces.at(o.tissue));
+  const TriangleMesh mesh = extract_surface(load_tooth(o.tooth, o.strict), kSurfaces.at(o.tissue));
   if (mesh.triangles.empty())
     throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",
                      "nothing remains, so there is no surface",
@@ -52,6 +52,7 @@ void add_mesh(CLI::App& app, const Common& common) {
   sub->add_option("--tissue", o->tissue, "Surface of all that remains, or of one tissue")
       ->check(CLI::IsMember({"all", "enamel", "dentin", "pulp"}))
       ->capture_default_str();
+  add_strict(*sub, o->strict, "a tooth that another program changed");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(
       "The surface is closed, oriented outward and free of self-intersections.\n"

@@ -9,6 +9,7 @@
 
 #include "command.h"
 #include "drawn.h"
+#include "strictness.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/io/outputs.h"
@@ -29,13 +30,13 @@ struct Options {
   std::vector<double> centre;
   int samples = 4, turntable = 0;
   double range = 0.3, zoom = 1;
-  bool no_scale = false, force = false;
+  bool no_scale = false, force = false, strict = false;
 };
 
 // Signed distances of the part's vertices to the reference, or what the file itself says of them.
 void find_deviation(const Options& o, RenderPart& part) {
   if (!o.reference.empty()) {
-    const Drawn reference = read_drawn(o.reference);
+    const Drawn reference = read_drawn(o.reference, o.strict);
     const TriangleTree tree(reference.part.mesh);
     part.deviation.resize(part.mesh.vertices.size());
     tbb::parallel_for(std::size_t{0}, part.deviation.size(), [&](std::size_t v) {
@@ -129,7 +130,7 @@ void run(const Options& o, const Common& common) {
       o.turntable > 0 ? outputs.folder(o.output) : outputs.file(o.output, {".png", ".exr"});
   outputs.begin();
 
-  Drawn drawn = read_drawn(o.input);
+  Drawn drawn = read_drawn(o.input, o.strict);
   find_deviation(o, drawn.part);
   drawn.part.colour = o.colour == "tissue"      ? ColourBy::kTissue
                       : o.colour == "deviation" ? ColourBy::kDeviation
@@ -144,7 +145,7 @@ void run(const Options& o, const Common& common) {
   std::vector<RenderPart> parts;
   parts.push_back(std::move(drawn.part));
   if (!o.ghost.empty()) {
-    ghost = read_drawn(o.ghost);
+    ghost = read_drawn(o.ghost, o.strict);
     ghost.part.ghost = true;
     parts.push_back(std::move(ghost.part));
   }
@@ -165,7 +166,7 @@ void run(const Options& o, const Common& common) {
   if (o.turntable > 0) {
     drawing.turntable(renderer, output);
   } else if (!o.before.empty()) {
-    Drawn before = read_drawn(o.before);
+    Drawn before = read_drawn(o.before, o.strict);
     std::vector<RenderPart> alone;
     alone.push_back(std::move(before.part));
     Picture picture = drawing.before_after(Renderer(std::move(alone)), renderer);
@@ -226,6 +227,7 @@ void add_render(CLI::App& app, const Common& common) {
                   "Occlusal direction X,Y,Z; default: the file's, or +z");
   sub->add_option("--mesial", o->mesial, "Mesial direction X,Y,Z; default: the file's, or -y");
   sub->add_flag("--no-scale", o->no_scale, "Without scale bar and colour bar");
+  add_strict(*sub, o->strict, "a tooth that another program changed");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(
       "Lengths across the picture are true (parallel projection).\n"

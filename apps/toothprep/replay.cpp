@@ -13,12 +13,14 @@
 
 #include "command.h"
 #include "session_options.h"
+#include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/version.h"
 
@@ -35,10 +37,11 @@ struct Options {
   bool force = false, json = false, strict = false, allow_gaps = false;
 };
 
-Json report_json(const ReplayResult& r, const Trace& trace, const Options& o) {
+Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, const Audit& audit,
+                 const std::vector<Finding>& findings) {
   Json j;
   j["schema"] = "toothprep-replay";
-  j["steps"] = r.rows.size() - 1;
+  j["steps"] = trace.rows.size() - 1;
   j["seconds_simulated"] = r.seconds_simulated;
   j["realtime_factor"] = r.seconds_simulated / r.seconds_computed;
   j["step_us_p50"] = r.step_us_p50;
@@ -64,6 +67,7 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o) {
   j["torque_work_mj"] = r.totals.torque_work;
   j["removed_energy_mj"] = r.removed_energy;
   j["energy_ratio"] = std::isfinite(r.energy_ratio) ? Json(r.energy_ratio) : Json(nullptr);
+  put_judgement(j, audit, findings);
   j["tooth_sha256"] = trace.tooth_sha256;
   j["trajectory_sha256"] = sha256_of_file(o.trajectory);
   return j;
@@ -79,9 +83,13 @@ void run(const Options& o, const Common& common) {
   const Parameters parameters = load_parameters(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
   const Trajectory trajectory = load_trajectory(o.trajectory);
+  std::vector<Finding> findings = judge_motion(trajectory.samples);
+  for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
+  if (o.strict) warn_or_refuse(o.trajectory, findings, true);
+  check_run_memory(o.trajectory, trajectory, parameters.time_step);
   const std::vector<HandleSample> path =
       resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
-  LayeredTooth tooth = read_tooth(o.session.tooth);
+  LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
 
   const double distance = distance_to_tooth(path, bounds_of_solid(tooth));
   if (distance > kFarFromTooth) {
@@ -103,17 +111,22 @@ void run(const Options& o, const Common& common) {
 
   Workpiece workpiece(tooth);
   const bool terminal = !common.quiet && isatty(2);
-  const ReplayResult r =
-      replay(bur, workpiece, parameters, drive_of(o.session), path,
-             terminal ? std::function<void(double)>([last = -1](double done) mutable {
-               if (static_cast<int>(done * 100) == last) return;
-               last = static_cast<int>(done * 100);
-               std::fprintf(stderr, "\rreplay %3d %%", last);
-             })
-                      : std::function<void(double)>());
+  ReplayResult r = replay(bur, workpiece, parameters, drive_of(o.session), path,
+                          terminal ? std::function<void(double)>([last = -1](double done) mutable {
+                            if (static_cast<int>(done * 100) == last) return;
+                            last = static_cast<int>(done * 100);
+                            std::fprintf(stderr, "\rreplay %3d %%", last);
+                          })
+                                   : std::function<void(double)>());
   if (terminal) std::fprintf(stderr, "\r            \r");
 
-  trace.rows = r.rows;
+  const Audit audit =
+      judge_audit(r.totals.torque_work, r.removed_energy, r.totals.removed, parameters);
+  findings = judge_run(std::move(findings), audit, r.totals.peak_device_force, r.totals.largest_lag,
+                       drive_of(o.session));
+  warn_or_refuse(o.trajectory, findings, o.strict);
+
+  trace.rows = std::move(r.rows);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
   write_trace(trace, output);
@@ -121,7 +134,7 @@ void run(const Options& o, const Common& common) {
     apply_remaining_solid(tooth, workpiece.remaining_solid());
     write_tooth(tooth, prepared);
   }
-  const Json report = o.json ? report_json(r, trace, o) : Json();
+  const Json report = o.json ? report_json(r, trace, o, audit, findings) : Json();
   outputs.publish();
 
   const SessionTotals& t = r.totals;
@@ -145,7 +158,7 @@ void run(const Options& o, const Common& common) {
   say(common,
       fmt::format(
           "{} steps, {:.1f} s at {:.0f} times real time; step {:.1f} us median, {:.1f} us 99 %",
-          r.rows.size() - 1, r.seconds_simulated, r.seconds_simulated / r.seconds_computed,
+          trace.rows.size() - 1, r.seconds_simulated, r.seconds_simulated / r.seconds_computed,
           r.step_us_p50, r.step_us_p99));
   say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
                           t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
@@ -155,12 +168,8 @@ void run(const Options& o, const Common& common) {
                             t.peak_device_force, t.largest_lag, t.stalled_steps, t.stall_onsets));
   else
     say(common, fmt::format("peak force {:.2f} N", t.peak_device_force));
-  say(common,
-      r.removed_energy > 0
-          ? fmt::format("energy audit: torque work {:.3f} mJ / removed energy {:.3f} mJ = {:.4f}",
-                        t.torque_work, r.removed_energy, r.energy_ratio)
-          : fmt::format("energy audit: nothing was removed; torque work {:.3f} mJ", t.torque_work));
-  if (o.json) std::cout << report.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
+  say(common, audit_text(audit));
+  if (o.json) std::cout << json_text(report);
 }
 
 }  // namespace
@@ -175,7 +184,8 @@ void add_replay(CLI::App& app, const Common& common) {
   sub->add_option("-o,--output", o->output, "Trace to write (.h5), required");
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");
-  sub->add_flag("--strict", o->strict, "A path far from the tooth is an error");
+  add_strict(*sub, o->strict,
+             "a path far from the tooth, inputs that can't be meant, an energy audit out of range");
   sub->add_flag("--json", o->json, "Figures of the run as JSON on stdout");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

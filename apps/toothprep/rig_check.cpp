@@ -8,11 +8,11 @@
 #include <memory>
 
 #include "command.h"
+#include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/session/replay.h"
 #include "toothprep/tools/files/session_file.h"
-#include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/rig_check/rig_report.h"
@@ -33,7 +33,7 @@ Measured<std::vector<StepRecord>> replay_of(const SessionRecording& recording, c
   if (const std::string reason = unreplayable(recording); !reason.empty()) return Rows::no(reason);
   if (!recording.header.protocol.empty()) return Rows::no("an active check renders no tooth");
   const Trace& trace = recording.header.trace;
-  LayeredTooth tooth = read_tooth(o.tooth);
+  LayeredTooth tooth = load_tooth(o.tooth, o.strict);
   if (tooth_sha256(tooth) != trace.tooth_sha256)
     throw InputError(o.tooth, "", "is not the tooth that the session was recorded with",
                      "give that one, or leave --tooth out");
@@ -49,6 +49,12 @@ Measured<std::vector<StepRecord>> replay_of(const SessionRecording& recording, c
     if (terminal) std::fprintf(stderr, "\rreplay %3d %%", static_cast<int>(done * 100));
   });
   if (terminal) std::fprintf(stderr, "\r            \r");
+  const SessionTotals& t = result.totals;
+  const Audit audit = judge_audit(t.torque_work, result.removed_energy, t.removed, parameters);
+  warn_or_refuse(
+      o.session,
+      judge_run(judge_parameters(parameters), audit, t.peak_device_force, t.largest_lag, drive),
+      o.strict);
   return std::move(result.rows);
 }
 
@@ -124,7 +130,9 @@ void add_rig_check(CLI::App& app, const Common& common) {
   sub->add_option("-o,--output", o->output, "Report to write (.json)");
   sub->add_option("--report", o->report, "Folder to make: report.json, tables, page.png, page.pdf");
   sub->add_flag("--no-plots", o->no_plots, "No page, only report.json and the tables");
-  sub->add_flag("--strict", o->strict, "Exit 1 if a figure is beyond its limit");
+  sub->add_flag(
+      "--strict", o->strict,
+      "Exit 1 if a figure is beyond its limit, or the tooth or the replay can't be right");
   sub->add_flag("--json", o->json, "The report on stdout");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer("Example: toothprep rig-check session.h5 --tooth molar.vdb --report rig");

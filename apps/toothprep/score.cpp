@@ -9,6 +9,7 @@
 #include "command.h"
 #include "score_report.h"
 #include "session_options.h"
+#include "strictness.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/io/outputs.h"
@@ -22,7 +23,7 @@ namespace {
 struct Options {
   std::string output, report, rubric, type;
   std::vector<double> axis, mesial, buccal;
-  bool json = false, list = false, force = false;
+  bool json = false, list = false, force = false, strict = false;
   AssessmentOptions assessment;
 };
 
@@ -97,6 +98,7 @@ void run(Options o, const Common& common) {
          sha256_of_file(rubric)});
   assessment.sheet.toothprep_version = kVersion;
 
+  warn_or_refuse(assessment.sheet.warnings, o.strict);
   write_score(assessment.sheet, output);
   if (!report.empty()) write_score_report(assessment, a.process, report);
   outputs.publish();
@@ -145,6 +147,8 @@ void add_score(CLI::App& app, const Common& common) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   sub->add_flag("--list-figures", o->list, "Print every figure with its definition, and stop");
+  add_strict(*sub, o->strict,
+             "a tooth that another program changed, or a recording that can't be meant");
   sub->add_flag("--json", o->json, "Print the result on stdout, too");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

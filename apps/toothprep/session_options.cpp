@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <iostream>
 
+#include "numeric_options.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/trace.h"
@@ -27,7 +28,8 @@ void add_session_options(CLI::App& sub, SessionOptions& o) {
   sub.add_option("--stiffness-n-per-mm", o.stiffness, "Coupling stiffness, over the file's");
   sub.add_option("--damping-n-s-per-mm", o.damping, "Coupling damping, over the file's");
   sub.add_option("--rotation-rate-rev-s", o.rotation_rate, "Rotation rate N, over the file's");
-  sub.add_option("--stall-torque-mnm", o.stall_torque, "Stall torque (inf: none), over the file's");
+  or_infinity(sub.add_option("--stall-torque-mnm", o.stall_torque,
+                             "Stall torque (inf: none), over the file's"));
   sub.add_option("--time-step-s", o.time_step, "Step, over the file's");
 }
 

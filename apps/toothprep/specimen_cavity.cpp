@@ -11,6 +11,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/write_file.h"
 #include "toothprep/version.h"
@@ -96,7 +97,7 @@ void run(const Options& o, const Common& common) {
     write_tooth(make_cavity(nominal).prepared, target);
   }
   const CavityTruth figures = cavity_truth(cavity);
-  if (!truth.empty()) write_file(truth, truth_json(cavity, figures).dump(2) + '\n');
+  if (!truth.empty()) write_file(truth, json_text(truth_json(cavity, figures)));
   outputs.publish();
   const auto volume = truth_value(figures, "removed_mm3.total");
   say(common,

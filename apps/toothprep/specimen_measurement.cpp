@@ -5,16 +5,18 @@
 #include <memory>
 
 #include "command.h"
+#include "numeric_options.h"
 #include "session_options.h"
+#include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/session/replay.h"
 #include "toothprep/tools/calibrate/measurement.h"
-#include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/csv_writer.h"
 #include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/io/plain_text.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -29,7 +31,7 @@ struct Options {
   double outlier_size = 10, lowpass_hz = 0;
   std::vector<double> bias = {0, 0, 0}, drift = {0, 0, 0}, rotation_deg = {0, 0, 0};
   std::uint64_t seed = 1;
-  bool force = false, allow_gaps = false;
+  bool force = false, allow_gaps = false, strict = false;
 };
 
 Vec3 three(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
@@ -38,12 +40,11 @@ Vec3 three(const std::vector<double>& v) { return {v[0], v[1], v[2]}; }
 std::pair<int, double> named_value(const std::string& text, const char* option) {
   const auto equals = text.find('=');
   const auto tissue = tissue_named(text.substr(0, equals));
-  char* end = nullptr;
-  const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
-  const double value = std::strtod(number.c_str(), &end);
-  if (!tissue || *tissue == Tissue::kAir || number.empty() || *end != 0)
-    throw InputError(option, text, "is not TISSUE=VALUE", "e.g. enamel=0.3");
-  return {tissue_index(*tissue), value};
+  const auto value =
+      equals == std::string::npos ? std::nullopt : decimal_number(text.substr(equals + 1));
+  if (!tissue || *tissue == Tissue::kAir || !value)
+    throw CLI::ValidationError(option, "'" + text + "' is not TISSUE=VALUE, e.g. enamel=0.3");
+  return {tissue_index(*tissue), *value};
 }
 
 // A rig's table: of the bur's motion, or of the handle's on a coupled rig; the speed where it
@@ -101,12 +102,22 @@ void run(const Options& o, const Common& common) {
   validate(parameters);
 
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
-  const auto path =
-      resample(load_trajectory(o.trajectory), parameters.time_step, o.allow_gaps, o.trajectory);
-  const LayeredTooth tooth = read_tooth(o.tooth);
+  const Trajectory trajectory = load_trajectory(o.trajectory);
+  check_run_memory(o.trajectory, trajectory, parameters.time_step);
+  const auto path = resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
+  const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
   Workpiece workpiece(tooth);
   const ReplayResult r =
       replay(bur, workpiece, parameters, coupled ? Drive::kCoupled : Drive::kDirect, path);
+
+  std::vector<Finding> findings = judge_motion(trajectory.samples);
+  for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
+  const Audit audit =
+      judge_audit(r.totals.torque_work, r.removed_energy, r.totals.removed, parameters);
+  warn_or_refuse(o.trajectory,
+                 judge_run(std::move(findings), audit, r.totals.peak_device_force,
+                           r.totals.largest_lag, coupled ? Drive::kCoupled : Drive::kDirect),
+                 o.strict);
 
   std::vector<Vec3> force;
   force.reserve(r.rows.size());
@@ -168,9 +179,9 @@ void add_measurement(CLI::App& specimen, const Common& common) {
       ->check(CLI::IsMember({"direct", "coupled"}))
       ->capture_default_str();
   sub->add_option("--stiffness-n-per-mm", o->stiffness, "Coupling stiffness, over the file's");
-  sub->add_option("--stall-torque-mnm", o->stall_torque,
-                  "Stall torque, over the file's; plays a part when coupled, or with a handpiece "
-                  "that droops");
+  or_infinity(sub->add_option("--stall-torque-mnm", o->stall_torque,
+                              "Stall torque (inf: none), over the file's; plays a part when "
+                              "coupled, or with a handpiece that droops"));
   sub->add_option("--u-j-per-mm3", o->u, "Truth, e.g. enamel=0.4,dentin=0.1")->delimiter(',');
   sub->add_option("--alpha", o->alpha, "Truth, e.g. enamel=0.3,dentin=0.2")->delimiter(',');
   sub->add_option("--params", o->params, "Parameter file");
@@ -203,6 +214,7 @@ void add_measurement(CLI::App& specimen, const Common& common) {
       ->capture_default_str();
   sub->add_option("--seed", o->seed, "Of noise and outliers")->capture_default_str();
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s");
+  add_strict(*sub, o->strict, "inputs that can't be meant, or an energy audit out of range");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(
       "Example: toothprep specimen measurement --tooth block.vdb --bur cylinder:D1.2xL3.0\n"

@@ -15,7 +15,9 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/scan_files/image_file.h"
 #include "toothprep/tools/segmentation/crop.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
@@ -62,9 +64,10 @@ std::array<double, 3> parse_spacing(const std::string& text) {
   const auto parts = CLI::detail::split(text, ',');
   std::array<double, 3> spacing{};
   bool good = parts.size() == 1 || parts.size() == 3;
-  for (std::size_t a = 0; a < 3 && good; ++a)
-    good =
-        CLI::detail::lexical_cast(parts[parts.size() == 1 ? 0 : a], spacing[a]) && spacing[a] > 0;
+  for (std::size_t a = 0; a < 3 && good; ++a) {
+    spacing[a] = decimal_number(parts[parts.size() == 1 ? 0 : a]).value_or(0);
+    good = spacing[a] > 0;
+  }
   if (!good)
     throw CLI::ValidationError("--spacing-mm",
                                "'" + text + "' is neither a positive number nor X,Y,Z");
@@ -82,9 +85,12 @@ void choose_tooth(const std::string& text, VoxelizeOptions& how) {
   const auto parts = CLI::detail::split(text, ',');
   Vec3 at = Vec3::Zero();
   bool good = parts.size() == 3;
-  for (std::size_t a = 0; a < 3 && good; ++a)
-    good = CLI::detail::lexical_cast(parts[a], at[static_cast<int>(a)]);
-  if (good && at.allFinite())
+  for (std::size_t a = 0; a < 3 && good; ++a) {
+    const auto value = decimal_number(parts[a]);
+    good = value.has_value();
+    at[static_cast<int>(a)] = value.value_or(0);
+  }
+  if (good)
     how.tooth_at = at;
   else if (parts.size() != 1 || !CLI::detail::lexical_cast(text, how.tooth) || how.tooth < 1)
     throw CLI::ValidationError("--tooth",
@@ -167,7 +173,7 @@ void finish(LayeredTooth tooth, const Options& options, const Common& common, Ou
   for (int t = 0; t < kTissueCount; ++t)
     json["volume_mm3"][std::string(kTissueNames[t])] = volumes[t];
   json.update(more);
-  std::cout << json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) << '\n';
+  std::cout << json_text(json);
 }
 
 void run_meshes(const Options& options, const Common& common) {

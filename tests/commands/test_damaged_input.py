@@ -1,16 +1,20 @@
-"""voxelize on damaged inputs of every kind: exit 1, one line that names the file, nothing left behind.
+"""Damaged inputs of every kind: exit 1, one line that names the file, nothing left behind, soon and in little memory.
 
 Usage: test_damaged_input.py BINARY
 """
 import os
+import random
 import shutil
 import struct
+import subprocess
 import sys
+import tempfile
+import threading
 import unittest
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
-from command_test import CommandTest
+from command_test import BINARY, CommandTest
 
 
 class DamagedInput(CommandTest):
@@ -102,6 +106,123 @@ class DamagedInput(CommandTest):
                                 b"property list uint int vertex_indices\nend_header\n" + bytes(36) + b"\xff" * 4,
                                 *option)
             self.assert_refused("open.obj", b"v 0 0 0\nv 4 0 0\nv 0 4 0\nf 1 2 3\n", *option)
+
+
+class DamagedRecordings(unittest.TestCase):
+    """Teeth, traces, tables and parameters."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="toothprep-damaged-")
+        cls.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "2", "--enamel-mm", "1", "--voxel-mm", "0.2")
+        with open(cls.path("path.csv"), "w") as f:
+            f.write("time_s,x_mm,y_mm,z_mm\n" + "".join(f"{0.001 * i},0,{0.9 - 0.002 * i},0\n" for i in range(400)))
+        cls.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "path.csv", "--bur", "ball:D1", "-o", "trace.h5")
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder, name)
+
+    @classmethod
+    def run_tool(cls, *args, timeout=60):
+        """Its exit status, its errors, CPU seconds and megabytes (of its children, too)."""
+        with open(cls.path("stderr"), "wb") as stderr:
+            child = subprocess.Popen([BINARY, *args], cwd=cls.folder, stdout=subprocess.DEVNULL, stderr=stderr)
+        timer = threading.Timer(timeout, child.kill)
+        timer.start()
+        _, status, used = os.wait4(child.pid, 0)
+        timer.cancel()
+        child.returncode = os.waitstatus_to_exitcode(status)
+        with open(cls.path("stderr"), "rb") as stderr:
+            return child.returncode, stderr.read(), used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+
+    @classmethod
+    def run_ok(cls, *args):
+        code, error, _, _ = cls.run_tool(*args)
+        assert code == 0, f"{args}: {code}\n{error.decode(errors='replace')}"
+
+    def assert_refused(self, *args):
+        code, error, seconds, megabytes = self.run_tool(*args, timeout=20)
+        self.assertEqual(code, 1, f"{args}: {error}")
+        errors = [line for line in error.splitlines() if not line.startswith(b"warning: ")]
+        self.assertEqual(len(errors), 1, f"{args}: {error}")
+        return errors[0]
+
+    def test_inputs_that_are_no_regular_files_are_refused_at_once(self):
+        os.mkfifo(self.path("pipe"))
+        out = ["-o", "out.bin"]
+        replay = {"--tooth": "block.vdb", "--trajectory": "path.csv", "--bur": "ball:D1"}
+        calibrate = {"--tooth": "block.vdb", "--measured": "trace.h5", "--bur": "ball:D1"}
+        score = {"--original": "block.vdb", "--prepared": "block.vdb"}
+        cases = []
+        for command, options, extra in (("replay", replay, {"--params": ".toml"}),
+                                        ("calibrate", calibrate, {"--params": ".toml"}),
+                                        ("specimen measurement", replay, {"--params": ".toml"}),
+                                        ("score", score, {"--target": ".stl", "--trace": ".h5", "--rubric": ".toml"}),
+                                        ("live", {"--tooth": "block.vdb", "--bur": "ball:D1"},
+                                         {"--hand": ".csv", "--registration": ".toml", "--params": ".toml"})):
+            kinds = {"--tooth": (".vdb",), "--trajectory": (".csv", ".toml", ".h5"), "--bur": (".toml",),
+                     "--measured": (".csv", ".h5"), "--original": (".vdb", ".stl"), "--prepared": (".vdb", ".ply")}
+            for option in [*options, *extra]:
+                for end in kinds[option] if option in options else (extra[option],):
+                    cases.append((command, {**options, option: "x" + end}, end))
+        lines = [([*command.split(), *(x for pair in options.items() for x in pair), *out], end)
+                 for command, options, end in cases]
+        lines += [(["info", "x" + end], end) for end in (".vdb", ".h5", ".csv", ".toml", ".stl", ".ply", ".obj")]
+        lines += [([command, "x" + end, *out], end) for command, end in
+                  (("export", ".h5"), ("mesh", ".vdb"), ("render", ".vdb"), ("rig-check", ".h5"), ("batch", ".toml"))]
+        for line, end in lines:
+            for kind in ("pipe", "/dev/zero", "."):
+                os.symlink(kind, self.path("x" + end))
+                command = [{"out.bin": {"mesh": "out.ply", "render": "out.png", "measurement": "out.csv",
+                                        "replay": "out.h5"}.get(line[1] if line[0] == "specimen" else line[0],
+                                                                "out.bin")}.get(x, x) for x in line]
+                error = self.assert_refused(*command)
+                self.assertIn(b"x" + end.encode(), error, f"{command} {kind}")
+                os.remove(self.path("x" + end))
+
+    def test_damaged_traces_take_no_time_and_little_memory(self):
+        with open(self.path("trace.h5"), "rb") as f:
+            whole = f.read()
+        generator = random.Random(1)
+        refused = 0
+        for n in range(120):
+            broken = bytearray(whole)
+            for _ in range(1 + n % 3):
+                # Where the structure is: most of the file is data, whose damage the checksum of gzip finds.
+                place = generator.randrange(len(broken)) if n % 2 else generator.randrange(8192)
+                broken[place] = generator.choice((0, 255, generator.randrange(256)))
+            with open(self.path("broken.h5"), "wb") as f:
+                f.write(broken)
+            code, error, seconds, megabytes = self.run_tool("info", "broken.h5")
+            self.assertIn(code, (0, 1), f"{n}: {error}")
+            refused += code
+            self.assertLess(seconds, 3, f"{n}: {error}")  # of CPU; half a second on a quiet machine
+            self.assertLess(megabytes, 1500, f"{n}: {error}")
+        self.assertGreater(refused, 20)
+
+    def test_a_long_table_is_read_fast_and_one_that_is_too_long_refused_by_its_size(self):
+        row = "{:.3f},0.123456789,0.123456789,0.123456789,0,0,0,1,1,0.5,0.25,0.125\n"
+        header = "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw,buttons,fx_N,fy_N,fz_N\n"
+        with open(self.path("long.csv"), "w") as f:
+            f.write(header)
+            f.writelines(row.format(0.001 * i) for i in range(300_000))
+        code, error, seconds, megabytes = self.run_tool("info", "long.csv")
+        self.assertEqual(code, 0, error)
+        self.assertLess(seconds, 6)
+        self.assertLess(megabytes, 300)
+        with open(self.path("endless.csv"), "w") as f:
+            f.write(header + "\n" * 20_000_010)
+        code, error, seconds, megabytes = self.run_tool("info", "endless.csv")
+        self.assertEqual(code, 1)
+        self.assertIn(b"more than 20000000 samples", error)
+        self.assertLess(megabytes, 100)
+        os.remove(self.path("endless.csv"))
+        os.remove(self.path("long.csv"))
 
 
 if __name__ == "__main__":

@@ -231,7 +231,7 @@ TEST(Library, AMissingFolderIsNamed) {
     make_bur("330", "no/such/folder");
     FAIL();
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("no/such/folder/library.toml: cannot be read"));
+    EXPECT_THAT(error.what(), HasSubstr("no/such/folder/library.toml: does not exist"));
   }
 }
 
@@ -326,7 +326,7 @@ TEST_F(ProfileFile, MistakesNameTheFileAndThePlace) {
     EXPECT_THAT(said, HasSubstr(c.said)) << c.text;
     EXPECT_EQ(said.rfind(path, 0), 0u) << said;
   }
-  EXPECT_THAT(refusal((folder_ / "absent.toml").string()), HasSubstr("cannot be read"));
+  EXPECT_THAT(refusal((folder_ / "absent.toml").string()), HasSubstr("does not exist"));
   EXPECT_THAT(refusal(folder_.string()), HasSubstr("is a folder"));
 }
 

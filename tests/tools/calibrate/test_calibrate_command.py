@@ -204,10 +204,15 @@ class Calibration(CommandTest):
 
     def test_bad_options(self):
         common = ("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "-o", "x.json")
-        self.refused("--bias", *common, "--bias", "none")
         self.refused("weight", *common, "--estimate", "weight")
-        self.refused("TISSUE=VALUE", "specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "-o",
-                     "y.h5", "--alpha", "enamel")
+        self.refused("no parameter can be told", *common, "--bias", "1e160,0,0")
+        measurement = ("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "-o", "y.h5")
+        for words, arguments in (("--bias", (*common, "--bias", "none")), ("--bias", (*common, "--bias", "1,nan,0")),
+                                 ("TISSUE=VALUE", (*measurement, "--alpha", "enamel")),
+                                 ("TISSUE=VALUE", (*measurement, "--alpha", "enamel=nan"))):
+            result = self.run_binary(*arguments)
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertIn(words, result.stderr)
 
 
 if __name__ == "__main__":

@@ -194,6 +194,14 @@ TEST(Fit, MotionThatNeverTouchesIsRefused) {
   EXPECT_THROW(fit({compare(r, basis, 0.05, 0, false)}, {}), Error);
 }
 
+TEST(Fit, ABiasThatCannotBeLeavesNothingToFitAndIsRefused) {
+  for (const double bias : {1e4, 1e160}) {
+    FitOptions o;
+    o.bias = Vec3(bias, 0, 0);
+    EXPECT_THROW(fit_to(mixed_feed(), mixed_basis(), kRealistic, o), Error) << bias;
+  }
+}
+
 // Two recordings with their own bias; each is predicted from the other.
 TEST(Fit, RecordingsAreFittedTogether) {
   const auto path = mixed_feed();

@@ -124,6 +124,49 @@ bad("soft_link", "/time: is missing",
     lambda f: (f.__delitem__("time"), f.__setitem__("time", h5py.SoftLink("/nowhere"))))
 bad("loop", "/time: is missing",
     lambda f: (f.__delitem__("time"), f.__setitem__("time", h5py.SoftLink("/time"))))
+
+
+def elsewhere(make):
+    """/time taken away and made again by `make`, out of another file."""
+    def change(f):
+        del f["time"]
+        make(f)
+    return change
+
+
+def external_storage(f):
+    with open(folder + "/time.raw", "wb") as raw:
+        raw.write(np.linspace(0, 1, n).tobytes())
+    unit(f.create_dataset("time", (n,), "f8", external=[(folder + "/time.raw", 0, 8 * n)]), "s")
+
+
+def virtual(f):
+    layout = h5py.VirtualLayout((n,), "f8")
+    layout[:] = h5py.VirtualSource(folder + "/good_minimal.h5", "time", (T,))[0:1]
+    unit(f.create_virtual_dataset("time", layout), "s")
+
+
+def foreign_filter(f):
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_chunk((n,))
+    creation.set_filter(32001, h5py.h5z.FLAG_OPTIONAL)  # Blosc, of a plug-in
+    d = h5py.h5d.create(f.id, b"time", h5py.h5t.NATIVE_DOUBLE, h5py.h5s.create_simple((n,)), creation)
+    d = h5py.Dataset(d)
+    d[:] = np.linspace(0, 1, n)
+    unit(d, "s")
+
+
+bad("external_link", "/time: is a link to another file",
+    elsewhere(lambda f: f.__setitem__("time", h5py.ExternalLink(folder + "/good_minimal.h5", "/time"))))
+bad("external_group", "/handle: is a link to another file",
+    lambda f: (f.__delitem__("handle"),
+               f.__setitem__("handle", h5py.ExternalLink(folder + "/good_minimal.h5", "/handle"))))
+bad("external_by_soft_link", "/time: is missing",
+    elsewhere(lambda f: (f.__setitem__("far", h5py.ExternalLink(folder + "/good_minimal.h5", "/")),
+                         f.__setitem__("time", h5py.SoftLink("/far/time")))))
+bad("external_storage", "/time: is stored in other files", elsewhere(external_storage))
+bad("virtual", "/time: is stored in other files", elsewhere(virtual))
+bad("foreign_filter", "/time: is packed by the filter 32001", elsewhere(foreign_filter))
 bad("claims_1e12", "/time: claims 1000000000000 rows", claim("time", (10**12,), (1000,)))
 bad("claims_2e15", "/time: claims", claim("time", (2**51,), (2**20,)))
 bad("claims_1e7", "/time: holds no data", claim("time", (10**7,), (1000,)))

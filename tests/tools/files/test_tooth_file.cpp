@@ -13,6 +13,7 @@
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <random>
 
 #include "toothprep/proof/specimen/block.h"
 #include "toothprep/step/core/errors.h"
@@ -27,7 +28,10 @@ namespace toothprep {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::Contains;
+using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
 
 class ToothFile : public testing::Test {
  protected:
@@ -215,6 +219,53 @@ TEST_F(ToothFile, SurvivesBeingResavedByAnotherProgram) {
   EXPECT_EQ(tooth_sha256(read_tooth(path("b.vdb"))), tooth_sha256(tooth));
 }
 
+TEST_F(ToothFile, AResavedToothThatIsNoLongerTheSameIsReported) {
+  write_tooth(small_block(), path("a.vdb"));
+  EXPECT_THAT(read_tooth_with_warnings(path("a.vdb")).warnings, IsEmpty());
+  resave(path("a.vdb"), path("b.vdb"), [](Grids&) {});
+  EXPECT_THAT(read_tooth_with_warnings(path("b.vdb")).warnings, IsEmpty());
+  const auto carve = [](Grids& g) {
+    for (auto value = floats(g, "solid").beginValueOn(); value; ++value)
+      value.setValue(*value + 0.01F);
+  };
+  const auto keep = [](openvdb::MetaMap&) {};
+  const auto drop = [](openvdb::MetaMap& meta) { meta.clearMetadata(); };
+  resave(path("a.vdb"), path("c.vdb"), carve, keep);
+  resave(path("a.vdb"), path("d.vdb"), carve, drop);  // the grids' metadata stay
+  for (const char* name : {"c.vdb", "d.vdb"})
+    EXPECT_THAT(read_tooth_with_warnings(path(name)).warnings,
+                ElementsAre(HasSubstr("is not the tooth that its tooth_sha256 is of")))
+        << name;
+}
+
+TEST_F(ToothFile, AToothWhereNoToothLiesIsReported) {
+  write_tooth(small_block(), path("a.vdb"));
+  resave(path("a.vdb"), path("b.vdb"), [](Grids& g) {
+    for (auto& [name, grid] : g) grid->transform().postTranslate(openvdb::Vec3d(1e29, 0, 0));
+  });
+  EXPECT_THAT(read_tooth_with_warnings(path("b.vdb")).warnings,
+              Contains(HasSubstr("1e+29 mm from the origin")));
+}
+
+TEST_F(ToothFile, DamageInFilesOfOtherProgramsIsRefusedOrHarmless) {
+  write_tooth(small_block(), path("a.vdb"));
+  resave(path("a.vdb"), path("b.vdb"), [](Grids&) {});
+  const std::string whole = bytes_of(path("b.vdb"));
+  std::mt19937 random(1);
+  int refused = 0;
+  for (int i = 0; i < 150; ++i) {
+    std::string broken = whole;
+    for (int k = 0; k <= i % 3; ++k) broken[random() % broken.size()] = static_cast<char>(random());
+    put_bytes(path("c.vdb"), broken);
+    try {
+      read_tooth(path("c.vdb"));
+    } catch (const InputError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 30);
+}
+
 TEST_F(ToothFile, HalfFloatsAreReadToTheirPrecision) {
   const LayeredTooth tooth = small_block();
   write_tooth(tooth, path("a.vdb"));
@@ -261,7 +312,7 @@ TEST_F(ToothFile, TruncatedFilesOfOtherProgramsAreRefusedToo) {
 }
 
 TEST_F(ToothFile, WhatIsNotAToothIsRefusedByName) {
-  EXPECT_THAT(refusal(path("absent.vdb")), HasSubstr("not found"));
+  EXPECT_THAT(refusal(path("absent.vdb")), HasSubstr("does not exist"));
   EXPECT_THAT(refusal(folder_.string()), HasSubstr("is a folder"));
   put_bytes(path("empty.vdb"), "");
   EXPECT_THAT(refusal(path("empty.vdb")), HasSubstr("is empty"));

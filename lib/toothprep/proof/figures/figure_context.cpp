@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/csv_writer.h"
@@ -112,6 +113,12 @@ RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const 
   report.drive = name_of(run.drive);
   report.voxel_mm = voxel;
   report.energy_ratio = r.energy_ratio;
+  const Audit audit =
+      judge_audit(r.totals.torque_work, r.removed_energy, r.totals.removed, outcome.parameters);
+  report.energy_audit = name_of(audit.verdict);
+  for (const Finding& f : judge_run(judge_parameters(outcome.parameters), audit,
+                                    r.totals.peak_device_force, r.totals.largest_lag, run.drive))
+    report.findings.push_back(message_of(f));
   report.peak_force_n = r.totals.peak_device_force;
   report.largest_lag_mm = r.totals.largest_lag;
   report.stalled_steps = r.totals.stalled_steps;

@@ -8,6 +8,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/tools/io/json_number.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/write_file.h"
 
 namespace toothprep::figures {
@@ -54,6 +55,8 @@ Json json_of(const RunReport& r) {
     j["voxel_effect_above_2_hz_percent"] = r.voxel_effect_above_2_hz_percent;
   }
   j["energy_ratio"] = number_or_null(r.energy_ratio);
+  j["energy_audit"] = r.energy_audit;
+  j["findings"] = r.findings;
   j["peak_force_n"] = r.peak_force_n;
   j["largest_lag_mm"] = r.largest_lag_mm;
   j["stalled_steps"] = r.stalled_steps;
@@ -202,8 +205,7 @@ void write_report(const ReportHeader& header, const std::vector<FigureReport>& f
                                {"occlusal", p.occlusal}});
     j["figures"].push_back(g);
   }
-  write_file(folder + "/figures.json",
-             j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_file(folder + "/figures.json", json_text(j));
   write_file(folder + "/figures.md", markdown(header, figures));
 }
 

@@ -43,7 +43,10 @@ struct RunReport {
   double torque_rms_percent = 0, torque_max_percent = 0;
   bool has_plateau = false;  // the two below, the worse of the tissues
   double voxel_effect_percent = 0, voxel_effect_above_2_hz_percent = 0;
-  double energy_ratio = 0;  // NaN: nothing removed
+  double energy_ratio = 0;   // NaN: nothing removed
+  std::string energy_audit;  // "within", "outside", "not judged"
+  std::vector<std::string>
+      findings;  // what can't be right about the run (step/session/plausibility.h)
   double peak_force_n = 0, largest_lag_mm = 0;
   long stalled_steps = 0, stall_onsets = 0, shank_contact_steps = 0;
   double seconds_simulated = 0;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/regular_file.h"
 
 namespace toothprep {
 
@@ -38,6 +39,7 @@ std::string Sha256::hex() {
 }
 
 std::string sha256_of_file(const std::string& path) {
+  regular_file_size(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw InputError(path, "", "cannot be read");
   Sha256 hash;

@@ -19,6 +19,6 @@ class Sha256 {
   std::unique_ptr<Impl> impl_;
 };
 
-std::string sha256_of_file(const std::string& path);  // throws InputError if unreadable
+std::string sha256_of_file(const std::string& path);  // regular files only; throws InputError
 
 }  // namespace toothprep

@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <optional>
@@ -18,17 +17,16 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/geometry.h"
 #include "toothprep/step/core/nearest_name.h"
+#include "toothprep/step/core/regular_file.h"
 
 namespace toothprep {
 
-// The whole text of a file that a person wrote; refuses folders and more than 16 MB.
+// The whole text of a file that a person wrote; refuses what is no regular file and more than 16 MB.
 inline std::string read_small_text(const std::string& path) {
   constexpr std::streamsize kLargest = 16 << 20;
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error))
-    throw InputError(path, "", "is a folder", "give a file");
+  regular_file_size(path);
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw InputError(path, "", "cannot be read", "check that the file exists");
+  if (!in) throw InputError(path, "", "cannot be read");
   std::string text(static_cast<std::size_t>(kLargest) + 1, '\0');
   in.read(text.data(), kLargest + 1);
   if (in.bad()) throw InputError(path, "", "cannot be read");

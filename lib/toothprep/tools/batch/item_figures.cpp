@@ -6,6 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/regular_file.h"
+#include "toothprep/tools/io/json_text.h"
+#include "toothprep/tools/io/plain_text.h"
 
 namespace toothprep {
 namespace {
@@ -31,16 +34,10 @@ void collect(const Json& node, const std::string& key, const std::vector<std::st
   }
 }
 
-std::string quoted(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string result = "\"";
-  for (const char c : text) result += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return result + '"';
-}
-
 }  // namespace
 
 ItemFigures read_figures(const std::string& path, const std::vector<std::string>& unrepeatable) {
+  regular_file_size(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw InputError(path, "", "cannot be read");
   const Json json = Json::parse(in, nullptr, false);
@@ -57,12 +54,12 @@ std::string table_csv(const std::vector<ItemRow>& rows) {
     for (const auto& [key, value] : row.figures)
       if (place.emplace(key, columns.size()).second) columns.push_back(key);
   std::string csv = "name,command,status,reason";
-  for (const std::string& column : columns) csv += "," + quoted(column);
+  for (const std::string& column : columns) csv += "," + csv_cell(column);
   csv += '\n';
   for (const ItemRow& row : rows) {
     std::vector<std::string> cells(columns.size());
     for (const auto& [key, value] : row.figures) cells[place[key]] = value;
-    csv += quoted(row.name) + "," + row.command + "," + row.status + "," + quoted(row.reason);
+    csv += csv_cell(row.name) + "," + row.command + "," + row.status + "," + csv_cell(row.reason);
     for (const std::string& cell : cells) csv += "," + cell;
     csv += '\n';
   }
@@ -84,7 +81,7 @@ std::string table_json(const std::vector<ItemRow>& rows, const std::string& vers
     for (const auto& [key, value] : row.figures) item["figures"][key] = Json::parse(value);
     json["items"].push_back(std::move(item));
   }
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json_text(json);
 }
 
 }  // namespace toothprep

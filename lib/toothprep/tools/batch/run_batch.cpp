@@ -20,6 +20,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/io/child_process.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/part.h"
 #include "toothprep/tools/io/rename.h"
@@ -330,8 +331,7 @@ class Batch {
       record.update(identity);
       record["outputs"] = outputs_of(part);
       record["seconds"] = seconds;
-      write_file((part / "item.json").string(),
-                 record.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+      write_file((part / "item.json").string(), json_text(record));
       replace(r.index, part);
       return row;
     } catch (const std::exception& e) {
@@ -353,8 +353,7 @@ class Batch {
           {"schema", kSchema}, {"schema_version", 1}, {"status", "failed"}, {"reason", reason}};
       record.update(identity);
       record["seconds"] = seconds;
-      write_file((part / "item.json").string(),
-                 record.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+      write_file((part / "item.json").string(), json_text(record));
       replace(i, part);
     } catch (const std::exception&) {
       // The row tells what went wrong first.

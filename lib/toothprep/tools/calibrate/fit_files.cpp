@@ -9,6 +9,7 @@
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/io/csv_writer.h"
 #include "toothprep/tools/io/json_number.h"
+#include "toothprep/tools/io/json_text.h"
 
 namespace toothprep {
 namespace {
@@ -152,7 +153,7 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
                              {"force_factor", b.factor},
                              {"force_factor_std", b.std}});
   j["warnings"] = fit.warnings;
-  return j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json_text(j);
 }
 
 std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,

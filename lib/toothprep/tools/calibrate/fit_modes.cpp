@@ -155,6 +155,8 @@ FitModes choose_modes(const FitStart& start, const FitOptions& o) {
                           fmt::format("touched for only {:.3f} s", start.touched[k])};
   }
   for (int pass = 0; pass <= 2 * kTissueCount; ++pass) {
+    if (linear_set(modes.state, data.recordings.size(), start.asked).size == 0)
+      break;  // every tissue is set aside
     const Deviations deviations = deviations_at(data, modes.state, start.asked);
     modes.singular_values = deviations.singular_values;
     const Worst worst = worst_of(deviations, data);

@@ -291,7 +291,12 @@ Solid solid_of(std::string name, LayeredTooth tooth) {
 
 Solid read_solid(const std::string& path, double voxel) {
   const std::string extension = extension_of(path);
-  if (extension == ".vdb") return solid_of(path, read_tooth(path));
+  if (extension == ".vdb") {
+    ToothReading reading = read_tooth_with_warnings(path);
+    Solid solid = solid_of(path, std::move(reading.tooth));
+    solid.warnings = std::move(reading.warnings);
+    return solid;
+  }
   if (extension == ".stl" || extension == ".ply" || extension == ".obj" || extension == ".off") {
     if (!(voxel > 0 && voxel <= 10))
       throw Error("the voxel size for a mesh must lie in (0, 10] mm");

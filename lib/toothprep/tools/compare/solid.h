@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "toothprep/step/tooth/layered_tooth.h"
 #include "toothprep/tools/mesh/surface.h"
@@ -19,7 +20,8 @@ struct Solid {
   std::string sha256;  // of the tooth (tooth_sha256) or of the mesh file
   LayeredTooth tooth;
   TriangleMesh surface;
-  bool layered = true;  // has tissues of its own; a mesh is `other` throughout
+  bool layered = true;                // has tissues of its own; a mesh is `other` throughout
+  std::vector<std::string> warnings;  // of reading a tooth file (read_tooth_with_warnings)
 
   // Told by on_lattice():
   double beyond_box_mm3 = 0;  // what lay beyond the box of the lattice and was cut off

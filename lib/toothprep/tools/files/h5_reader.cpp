@@ -5,13 +5,23 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep::h5 {
 namespace {
 
+constexpr double kSecondsPerValue = 1e-6;      // CPU, to read one and to put it where it belongs
+constexpr std::size_t kBytesPerRow = 2000;     // of a recording, with what reading it takes
 constexpr hsize_t kLargestChunk = 256u << 20;  // bytes, which HDF5 allocates to read one
+
+// Nothing that a file names is fetched from elsewhere: links to other files lead nowhere, and no
+// filter is loaded as a plug-in.
+void stay_in_the_file() {
+  H5Lunregister(H5L_TYPE_EXTERNAL);
+  H5PLset_loading_state(0);
+}
 
 std::string shape_text(const std::vector<std::uint64_t>& size) {
   std::string text;
@@ -29,11 +39,8 @@ std::string printable(std::string text) {
 }
 
 Reader::Reader(const std::string& path) : path_(path) {
-  std::error_code error;
-  if (!std::filesystem::exists(path, error))
-    throw InputError(path, "", "does not exist", "check the file's name");
-  if (std::filesystem::is_directory(path, error))
-    throw InputError(path, "", "is a folder", "give an HDF5 file (.h5)");
+  regular_file_size(path);
+  stay_in_the_file();
   if (H5Fis_hdf5(path.c_str()) <= 0)
     throw InputError(path, "", "is not an HDF5 file or cannot be read",
                      "give a trace or a trajectory (.h5)");
@@ -54,9 +61,13 @@ bool Reader::has(const std::string& name) const {
   for (std::size_t slash = 1; slash != 0;) {
     slash = name.find('/', slash);
     const std::string part = name.substr(0, slash);
-    if (H5Lexists(file_.get(), part.c_str(), H5P_DEFAULT) <= 0 ||
-        H5Oexists_by_name(file_.get(), part.c_str(), H5P_DEFAULT) <= 0)
-      return false;
+    if (H5Lexists(file_.get(), part.c_str(), H5P_DEFAULT) <= 0) return false;
+    H5L_info_t link;
+    if (H5Lget_info(file_.get(), part.c_str(), &link, H5P_DEFAULT) >= 0 &&
+        link.type != H5L_TYPE_HARD && link.type != H5L_TYPE_SOFT)
+      refuse(part, "is a link to another file or of an unknown kind, which is not followed",
+             "store the dataset in the file itself");
+    if (H5Oexists_by_name(file_.get(), part.c_str(), H5P_DEFAULT) <= 0) return false;
     slash = slash == std::string::npos ? 0 : slash + 1;
   }
   return true;
@@ -103,15 +114,19 @@ Reader::Set Reader::open(const std::string& name, const char* unit, int width, b
 }
 
 std::vector<double> Reader::values_of(const Set& set) const {
-  std::vector<double> values(*rows_ * static_cast<std::size_t>(set.width));
+  const std::size_t total = *rows_ * static_cast<std::size_t>(set.width);
+  // Rows count once /time was read: its values increase, so they are there.
+  limit_trial(kTrialSeconds + kSecondsPerValue * static_cast<double>(total),
+              kTrialMemory + kBytesPerRow * proven_rows_);
+  std::vector<double> values(total);
   Handle stored, memory;  // neither: all
   if (set.rows != *rows_) {
     std::vector<hsize_t> count;
     for (const std::uint64_t n : extent(set)) count.push_back(n == set.rows ? *rows_ : n);
     const std::vector<hsize_t> start(count.size(), 0);
-    const hsize_t total = values.size();
+    const hsize_t all = values.size();
     stored = Handle(H5Dget_space(set.handle.get()), H5Sclose);
-    memory = Handle(H5Screate_simple(1, &total, nullptr), H5Sclose);
+    memory = Handle(H5Screate_simple(1, &all, nullptr), H5Sclose);
     H5Sselect_hyperslab(stored.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
   }
   if (H5Dread(set.handle.get(), H5T_NATIVE_DOUBLE, memory ? memory.get() : H5S_ALL,
@@ -142,6 +157,7 @@ std::vector<double> Reader::read_time() {
   for (std::size_t i = 1; i < time.size(); ++i)
     if (!(time[i] > time[i - 1]))
       refuse("/time, row " + std::to_string(i), "time does not increase");
+  proven_rows_ = time.size();
   return time;
 }
 
@@ -246,6 +262,21 @@ std::uint64_t Reader::check_shape(Set& set, const std::vector<std::uint64_t>& si
 
 void Reader::check_storage(const Set& set) const {
   const Handle creation(H5Dget_create_plist(set.handle.get()), H5Pclose);
+  if (H5Pget_layout(creation.get()) == H5D_VIRTUAL || H5Pget_external_count(creation.get()) != 0)
+    refuse(set.name, "is stored in other files (external or virtual), which are not opened",
+           "store it in the file itself");
+  const int filters = H5Pget_nfilters(creation.get());
+  for (int i = 0; i < filters; ++i) {
+    unsigned flags = 0, settings = 0;
+    std::size_t values = 0;
+    const H5Z_filter_t filter = H5Pget_filter(creation.get(), static_cast<unsigned>(i), &flags,
+                                              &values, nullptr, 0, nullptr, &settings);
+    if (filter < 0 || filter >= H5Z_FILTER_RESERVED)
+      refuse(
+          set.name,
+          "is packed by the filter " + std::to_string(filter) + ", which is not one of HDF5's own",
+          "store it unpacked or with gzip");
+  }
   if (H5Pget_layout(creation.get()) == H5D_CHUNKED) {
     hsize_t chunk[H5S_MAX_RANK] = {};
     const int dimensions = H5Pget_chunk(creation.get(), H5S_MAX_RANK, chunk);
@@ -255,8 +286,7 @@ void Reader::check_storage(const Set& set) const {
     if (!(bytes <= static_cast<double>(kLargestChunk)))
       refuse(set.name, "is stored in chunks of more than 256 MB", "store it in smaller chunks");
   }
-  if (H5Dget_storage_size(set.handle.get()) == 0 && H5Pget_layout(creation.get()) != H5D_VIRTUAL &&
-      H5Pget_external_count(creation.get()) <= 0)
+  if (H5Dget_storage_size(set.handle.get()) == 0)
     refuse(set.name, "holds no data", "was the recording cut off?");
 }
 

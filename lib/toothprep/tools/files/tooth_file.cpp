@@ -11,8 +11,6 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -20,6 +18,8 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/tools/io/input_file.h"
+#include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
@@ -36,6 +36,15 @@ constexpr const char* kVoxelKey = "voxel_mm";
 constexpr const char* kHashKey = "tooth_sha256";
 constexpr const char* kVolumePrefix = "volume_mm3_";
 constexpr std::array<const char*, 4> kLevelSetNames = {"solid", "enamel", "dentin", "pulp"};
+
+constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 33;  // of a file
+constexpr double kFarthest = 1e4;                             // mm, of a tooth from the origin
+constexpr double kLargest = 300;                              // mm
+
+// What trying to read a file may take; a tooth takes some 10 bytes for one of its file, uniform
+// ones up to 60, and 10 ns.
+constexpr std::size_t kTrialMemory = std::size_t{3} << 28, kTrialMemoryPerByte = 60;
+constexpr double kTrialSeconds = 0.5, kTrialSecondsPerByte = 1e-7;  // CPU
 
 LevelSet& level_set(LayeredTooth& tooth, int k) {
   return k == 0 ? tooth.solid : tooth.remains[k - 1];
@@ -63,7 +72,7 @@ bool looks_like_uuid(const char* text) {
   return true;
 }
 
-std::string id_of_content(const std::vector<char>& file) {
+std::string id_of_content(const std::string& file) {
   const std::string blank(kIdLength, '0');
   Sha256 hash;
   hash.update(file.data(), kIdOffset);
@@ -74,23 +83,6 @@ std::string id_of_content(const std::vector<char>& file) {
   id[16] = '8';
   for (const std::size_t dash : {8, 13, 18, 23}) id.insert(dash, "-");
   return id;
-}
-
-std::vector<char> bytes_of(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error))
-    throw InputError(path, "", "is a folder", "give a tooth file (.vdb)");
-  std::ifstream in(path, std::ios::binary | std::ios::ate);
-  if (!in)
-    throw InputError(path, "",
-                     std::filesystem::exists(path, error) ? "cannot be read" : "not found");
-  const auto size = static_cast<std::streamoff>(in.tellg());
-  if (size < 0) throw InputError(path, "", "cannot be read");
-  std::vector<char> bytes(static_cast<std::size_t>(size));
-  in.seekg(0);
-  in.read(bytes.data(), size);
-  if (!in && size > 0) throw InputError(path, "", "cannot be read");
-  return bytes;
 }
 
 // ---- Writing
@@ -181,14 +173,14 @@ class MemoryArchive : public openvdb::io::Archive {
 // The archive in memory as a stream that throws at its end instead of handing out garbage.
 class ByteStream : public std::istream {
  public:
-  explicit ByteStream(std::vector<char>& bytes) : std::istream(nullptr), buffer_(bytes) {
+  explicit ByteStream(std::string& bytes) : std::istream(nullptr), buffer_(bytes) {
     rdbuf(&buffer_);
     exceptions(std::ios::badbit | std::ios::failbit);
   }
 
  private:
   struct Buffer : std::streambuf {
-    explicit Buffer(std::vector<char>& bytes) {
+    explicit Buffer(std::string& bytes) {
       setg(bytes.data(), bytes.data(), bytes.data() + bytes.size());
     }
     pos_type seekoff(off_type offset, std::ios_base::seekdir way,
@@ -212,19 +204,29 @@ struct Archive {
   openvdb::GridPtrVecPtr grids;
 };
 
-Archive parse(const std::string& path) {
-  std::vector<char> bytes = bytes_of(path);
+constexpr const char* kDamaged = "is damaged or truncated";
+constexpr const char* kAgain = "make or copy the file again";
+
+// The bytes of an OpenVDB file that this library reads, and whether they are those that
+// write_tooth() wrote.
+struct Content {
+  std::string bytes;
+  bool ours = false;
+};
+
+Content content_of(const std::string& path) {
+  Content content{bytes_of_file(path, kMostBytes)};
+  const std::string& bytes = content.bytes;
   if (bytes.empty()) throw InputError(path, "", "is empty", "give a tooth file (.vdb)");
   static constexpr std::array<char, 8> kMagic = {' ', 'B', 'D', 'V', 0, 0, 0, 0};
   if (bytes.size() < kMagic.size() || !std::equal(kMagic.begin(), kMagic.end(), bytes.begin()))
     throw InputError(path, "", "is not an OpenVDB file",
                      "give a tooth file (.vdb), as voxelize and specimen write them");
-  const std::string damaged = "is damaged or truncated";
-  const std::string remedy = "make or copy the file again";
-  if (bytes.size() < kIdOffset + kIdLength) throw InputError(path, "", damaged, remedy);
+  if (bytes.size() < kIdOffset + kIdLength) throw InputError(path, "", kDamaged, kAgain);
   const std::string id(bytes.data() + kIdOffset, kIdLength);
-  if (looks_like_uuid(id.data()) && id[kIdVersionDigit] == '8' && id != id_of_content(bytes))
-    throw InputError(path, "", damaged + " (its checksum does not match)", remedy);
+  content.ours = looks_like_uuid(id.data()) && id[kIdVersionDigit] == '8';
+  if (content.ours && id != id_of_content(bytes))
+    throw InputError(path, "", std::string(kDamaged) + " (its checksum does not match)", kAgain);
   std::uint32_t version = 0;
   std::memcpy(&version, bytes.data() + 8, sizeof version);
   if (version > openvdb::OPENVDB_FILE_VERSION)
@@ -233,16 +235,22 @@ Archive parse(const std::string& path) {
                          ", newer than this program's " +
                          std::to_string(openvdb::OPENVDB_FILE_VERSION),
                      "save it with an older OpenVDB");
+  return content;
+}
+
+Archive parse(const std::string& path, std::string& bytes) {
   try {
     ByteStream stream(bytes);
     const openvdb::io::Stream archive(stream, /*delayLoad=*/false);
     Archive result{archive.getMetadata(), const_cast<openvdb::io::Stream&>(archive).getGrids()};
-    if (!result.meta || !result.grids) throw InputError(path, "", damaged, remedy);
+    if (!result.meta || !result.grids) throw InputError(path, "", kDamaged, kAgain);
     return result;
   } catch (const InputError&) {
     throw;
   } catch (const std::ios_base::failure&) {
-    throw InputError(path, "", damaged, remedy);
+    throw InputError(path, "", kDamaged, kAgain);
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& e) {
     throw InputError(path, "", std::string("cannot be read by OpenVDB (") + e.what() + ")",
                      "the file may be damaged or hold grids of an unknown type");
@@ -344,11 +352,7 @@ void fill_bricks(BrickGrid<T>& bricks, const Grid& grid, Convert convert,
   }
 }
 
-}  // namespace
-
-LayeredTooth read_tooth(const std::string& path) {
-  openvdb::initialize();
-  const Archive archive = parse(path);
+LayeredTooth tooth_of(const std::string& path, const Archive& archive) {
   check_schema(path, archive);
 
   const Int32Grid::Ptr tissue = find_grid<Int32Grid>(path, archive, "tissue", "int32");
@@ -423,6 +427,57 @@ LayeredTooth read_tooth(const std::string& path) {
   return tooth;
 }
 
+// Reads what nobody vouches for in a child process, whose crash is a refusal.
+void try_reading(const std::string& path, std::string& bytes) {
+  const std::size_t memory = kTrialMemory + kTrialMemoryPerByte * bytes.size();
+  const double seconds = kTrialSeconds + kTrialSecondsPerByte * static_cast<double>(bytes.size());
+  const auto failure = failure_in_trial(
+      [&] {
+        limit_trial(seconds, memory);
+        tooth_of(path, parse(path, bytes));
+      },
+      static_cast<unsigned>(20 * seconds), memory);
+  if (!failure) return;
+  const std::string own = path + ": ";  // the first part of an InputError's text
+  if (failure->rfind(own, 0) == 0) throw InputError(path, "", failure->substr(own.size()));
+  throw InputError(path, "", std::string(kDamaged) + ": reading it fails, or takes too much memory",
+                   kAgain);
+}
+
+// Where a tooth is: within a scanner's reach of its origin, and no larger than a jaw.
+void judge_place(const std::string& path, const LayeredTooth& tooth,
+                 std::vector<std::string>& warnings) {
+  const Box box = bounds_of_solid(tooth);
+  const double away = std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff());
+  const double size = (box.max - box.min).maxCoeff();
+  if (away > kFarthest)
+    warnings.push_back(path + ": the tooth lies " + text_of(away) +
+                       " mm from the origin, where no scan has it; is its transform in mm?");
+  else if (size > kLargest)
+    warnings.push_back(path + ": the tooth is " + text_of(size) +
+                       " mm large; is its transform in mm?");
+}
+
+}  // namespace
+
+ToothReading read_tooth_with_warnings(const std::string& path) {
+  openvdb::initialize();
+  Content content = content_of(path);
+  if (!content.ours) try_reading(path, content.bytes);
+  const Archive archive = parse(path, content.bytes);
+  ToothReading reading{tooth_of(path, archive), {}};
+  auto stored = find_text(*archive.meta, kHashKey);
+  for (const auto& grid : *archive.grids)
+    if (!stored && grid) stored = find_text(*grid, kHashKey);
+  if (!content.ours && stored && *stored != tooth_sha256(reading.tooth))
+    reading.warnings.push_back(
+        path + ": is not the tooth that its tooth_sha256 is of: another program changed it");
+  judge_place(path, reading.tooth, reading.warnings);
+  return reading;
+}
+
+LayeredTooth read_tooth(const std::string& path) { return read_tooth_with_warnings(path).tooth; }
+
 void write_tooth(const LayeredTooth& tooth, const std::string& path) {
   openvdb::initialize();
   const auto tissue = Int32Grid::create(0);
@@ -447,17 +502,18 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
       fill_tree(*level_sets[job - 2], bricks, [band](float v) { return std::abs(v) < band; });
     }
   });
+  // Programs that rewrite a .vdb tend to keep the grids' metadata and drop the file's.
+  for (const auto& grid : grids) grid->insertMeta(kHashKey, *meta[kHashKey]);
   std::ostringstream memory;
   MemoryArchive archive;
   archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
   archive.write_to(memory, openvdb::GridCPtrVec(grids.begin(), grids.end()), meta);
-  const std::string text = std::move(memory).str();
-  std::vector<char> bytes(text.begin(), text.end());
+  std::string bytes = std::move(memory).str();
   if (bytes.size() < kIdOffset + kIdLength || !looks_like_uuid(bytes.data() + kIdOffset))
     throw Error(path + ": this version of OpenVDB writes a header that toothprep does not know");
   const std::string id = id_of_content(bytes);
-  std::copy(id.begin(), id.end(), bytes.begin() + kIdOffset);
-  write_file(path, {bytes.data(), bytes.size()});
+  bytes.replace(kIdOffset, kIdLength, id);
+  write_file(path, bytes);
 }
 
 }  // namespace toothprep

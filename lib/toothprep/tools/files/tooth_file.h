@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "toothprep/step/tooth/layered_tooth.h"
 
@@ -11,7 +12,18 @@ namespace toothprep {
 // Throws InputError (file, grid, condition) for what is not a tooth: unreadable, truncated, not
 // .vdb, another schema, grids missing or on different lattices, rotated or non-cubic voxels, NaN,
 // labels outside 0..4, absurd size.
+//
+// OpenVDB's reader trusts what it finds. A file of ours proves by its checksum that it is as we
+// wrote it; any other is first read by a child process with limits on time and memory.
 LayeredTooth read_tooth(const std::string& path);
+
+// The same, and what is odd about the tooth though it can be read: it isn't the one that the file's
+// tooth_sha256 is of (another program changed and saved it), or it lies where no tooth does.
+struct ToothReading {
+  LayeredTooth tooth;
+  std::vector<std::string> warnings;  // a sentence each, with the file's name
+};
+ToothReading read_tooth_with_warnings(const std::string& path);
 
 // Same tooth, same bytes: the archive's random id is derived from the content. Writes `path`
 // itself; callers go through Outputs.

@@ -9,6 +9,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/number_text.h"
+#include "toothprep/tools/io/plain_text.h"
 
 namespace toothprep {
 
@@ -22,7 +23,7 @@ class CsvWriter {
   }
   void text(const std::string& value) {
     separate();
-    buffer_ += value;
+    buffer_ += csv_cell(value);
   }
   // The shortest decimal that reads back as the same double.
   void number(double value) {

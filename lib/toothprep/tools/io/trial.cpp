@@ -3,10 +3,13 @@
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <csignal>
 #include <exception>
 #include <fstream>
@@ -19,20 +22,28 @@ namespace {
 
 constexpr int kThrew = 1, kCrashed = 2;
 
+bool in_trial = false;  // of a child
+
+std::size_t memory_at_start = 0;  // bytes of address space that a child began with
+
 void limit_memory(std::size_t more) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   return;  // the sanitizer's own address space is beyond any limit
 #endif
-  std::size_t pages = 0;
-  if (!(std::ifstream("/proc/self/statm") >> pages)) return;
-  const rlim_t limit = pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)) + more;
-  const rlimit address_space{limit, limit};
+  rlimit address_space{};
+  if (memory_at_start == 0 || getrlimit(RLIMIT_AS, &address_space) != 0) return;
+  address_space.rlim_cur = std::min<rlim_t>(memory_at_start + more, address_space.rlim_max);
   setrlimit(RLIMIT_AS, &address_space);
 }
 
 [[noreturn]] void run_as_child(const std::function<void()>& work, unsigned seconds,
                                std::size_t memory, int report) {
-  for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGALRM}) std::signal(signal, SIG_DFL);
+  in_trial = true;
+  std::size_t pages = 0;
+  if (std::ifstream("/proc/self/statm") >> pages)
+    memory_at_start = pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGALRM, SIGPROF})
+    std::signal(signal, SIG_DFL);
   const rlimit no_core{0, 0};
   setrlimit(RLIMIT_CORE, &no_core);
   limit_memory(memory);
@@ -79,6 +90,15 @@ std::optional<std::string> failure_in_trial(const std::function<void()>& work, u
     if (errno != EINTR) return {};
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
   return WIFEXITED(status) && WEXITSTATUS(status) == kThrew ? text : std::string();
+}
+
+void limit_trial(double cpu_seconds, std::size_t memory) {
+  if (!in_trial) return;
+  limit_memory(memory);
+  itimerval timer{};
+  timer.it_value.tv_sec = static_cast<time_t>(cpu_seconds);
+  timer.it_value.tv_usec = static_cast<suseconds_t>(std::fmod(cpu_seconds, 1) * 1e6);
+  setitimer(ITIMER_PROF, &timer, nullptr);
 }
 
 SharedMemory::SharedMemory(std::size_t bytes)

@@ -15,6 +15,10 @@ namespace toothprep {
 std::optional<std::string> failure_in_trial(const std::function<void()>& work, unsigned seconds,
                                             std::size_t memory);
 
+// Limits `work` anew, from here on: this much CPU time (not the wait for a slow disk) and memory. For
+// work that finds out as it goes how much it may need. Does nothing outside a trial.
+void limit_trial(double cpu_seconds, std::size_t memory);
+
 // Memory that a child process can write for its parent; zero at first. Throws std::bad_alloc.
 class SharedMemory {
  public:

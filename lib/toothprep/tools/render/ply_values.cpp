@@ -9,6 +9,8 @@
 #include <sstream>
 #include <unordered_map>
 
+#include "toothprep/step/core/regular_file.h"
+
 namespace toothprep {
 namespace {
 
@@ -111,6 +113,7 @@ Place place_of(float x, float y, float z) {  // + 0 turns -0 into 0
 
 std::optional<std::vector<float>> vertex_property(const std::string& path, const TriangleMesh& mesh,
                                                   const std::string& name) {
+  regular_file_size(path);
   std::ifstream file(path, std::ios::binary);
   const auto layout = read_header(file);
   if (!layout) return std::nullopt;

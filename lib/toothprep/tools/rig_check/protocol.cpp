@@ -50,7 +50,7 @@ class Words {
     // "0.2..2": the dots of the range are no part of the number.
     const std::string_view digits = rest_.substr(0, rest_.find(".."));
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    if (error != std::errc()) refuse(what);
+    if (error != std::errc() || !std::isfinite(static_cast<double>(value))) refuse(what);
     rest_.remove_prefix(static_cast<std::size_t>(end - digits.data()));
     return value;
   }

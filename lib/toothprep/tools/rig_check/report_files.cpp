@@ -6,6 +6,7 @@
 #include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/io/csv_writer.h"
 #include "toothprep/tools/io/json_number.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/rig_check/rig_report.h"
 
 namespace toothprep {
@@ -124,7 +125,7 @@ std::string report_json(const RigReport& report, const SessionRecording& r,
                              {"speed_mm_s", l.speed},
                              {"verdict", name_of(l.verdict)}});
   }
-  return j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json_text(j);
 }
 
 void write_plot_data(const RigReport& report, const SessionRecording& r,

@@ -7,6 +7,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/compare/cut_surface.h"
 
 namespace toothprep {
@@ -81,6 +82,30 @@ Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions&
   return on_lattice(solid, original, motion);
 }
 
+// What the recording of the work says against itself. Nothing of one that was cut off, or whose
+// parameters are of another version.
+std::vector<std::string> judge_trace(const std::string& file, const Trace& trace) {
+  if (trace.rows.empty() || std::isnan(trace.audit.torque_work_mj)) return {};
+  Parameters parameters;
+  try {
+    parameters = parse_parameters(trace.parameters_toml, file + ": parameters");
+  } catch (const Error&) {
+    return {};
+  }
+  double force = 0, lag = 0;
+  for (const StepRecord& row : trace.rows) {
+    force = std::max(force, row.device_force.norm());
+    lag = std::max(lag, (row.bur.position - row.handle.pose.position).norm());
+  }
+  const Audit audit = judge_audit(trace.audit.torque_work_mj, trace.audit.removed_energy_mj,
+                                  trace.rows.back().removed_volume, parameters);
+  std::vector<std::string> warnings;
+  for (const Finding& f : judge_run(judge_parameters(parameters), audit, force, lag,
+                                    trace.drive == "direct" ? Drive::kDirect : Drive::kCoupled))
+    warnings.push_back(file + ": " + message_of(f));
+  return warnings;
+}
+
 }  // namespace
 
 Assessment assess(const AssessmentOptions& options) {
@@ -93,7 +118,11 @@ Assessment assess(const AssessmentOptions& options) {
                 std::string(kPreparationTypes[static_cast<std::size_t>(*options.type)]) +
                 "; choose another rubric");
 
+  const auto keep_warnings = [&](const std::vector<std::string>& warnings) {
+    sheet.warnings.insert(sheet.warnings.end(), warnings.begin(), warnings.end());
+  };
   result.original = read_solid(options.original, options.voxel);
+  keep_warnings(result.original.warnings);
   const double voxel = result.original.tooth.lattice.voxel;
   const auto input = [&](const char* role, const std::string& file) {
     sheet.inputs.push_back({role, file, sha256_of_file(file)});
@@ -102,14 +131,16 @@ Assessment assess(const AssessmentOptions& options) {
   input("prepared", options.prepared);
   double skin = 0;  // mm
   const Solid prepared = read_solid(options.prepared, voxel);
+  keep_warnings(prepared.warnings);
   const double coarser = std::max(voxel, prepared.tooth.lattice.voxel);
   result.prepared =
       placed(prepared, result.original, options, "prepared", quantities, sheet.notes, skin);
   if (!options.target.empty()) {
     input("target", options.target);
     Quantities unused;  // the score's residual is that of the prepared tooth
-    result.target = placed(read_solid(options.target, voxel), result.original, options, "target",
-                           unused, sheet.notes, skin);
+    const Solid target = read_solid(options.target, voxel);
+    keep_warnings(target.warnings);
+    result.target = placed(target, result.original, options, "target", unused, sheet.notes, skin);
   }
 
   const VolumeComparison volumes = compare_volumes(result.original, result.prepared,
@@ -165,6 +196,7 @@ Assessment assess(const AssessmentOptions& options) {
         result.trace->tooth_sha256 != tooth_sha256(result.original.tooth))
       sheet.notes.push_back(options.trace +
                             ": was recorded on another tooth than the original given here");
+    keep_warnings(judge_trace(options.trace, *result.trace));
     result.process = process_figures(result.trace->rows, options.process);
     quantities.insert(quantities.end(), result.process->quantities.begin(),
                       result.process->quantities.end());

@@ -5,6 +5,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/json_number.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
@@ -79,7 +80,7 @@ std::string score_json(const ScoreSheet& sheet) {
 
   for (const char* later :
        {"uncertainty", "rubric", "criteria", "points_percent", "passed", "points_percent_low",
-        "points_percent_high", "verdict_certain", "fail_reasons", "notes"})
+        "points_percent_high", "verdict_certain", "fail_reasons", "notes", "plausible", "warnings"})
     for (const Quantity& q : sheet.quantities)
       if (q.key == later || q.key.rfind(std::string(later) + ".", 0) == 0)
         throw Error("score: '" + q.key + "' cannot be the name of a quantity");
@@ -109,7 +110,9 @@ std::string score_json(const ScoreSheet& sheet) {
     notes.insert(notes.end(), r.notes.begin(), r.notes.end());
   }
   j["notes"] = notes;
-  return j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  j["plausible"] = sheet.warnings.empty();
+  if (!sheet.warnings.empty()) j["warnings"] = sheet.warnings;
+  return json_text(j);
 }
 
 void write_score(const ScoreSheet& sheet, const std::string& path) {

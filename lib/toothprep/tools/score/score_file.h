@@ -41,7 +41,8 @@ struct ScoreSheet {
   std::vector<std::pair<std::string, std::string>> other_options;  // key, value; told as they are
   Quantities quantities;
   std::optional<RubricResult> result;  // nothing: no rubric
-  std::vector<std::string> notes;      // warnings and remarks; the rubric's own are added
+  std::vector<std::string> notes;      // remarks; the rubric's own are added
+  std::vector<std::string> warnings;   // of inputs that can be read but not be meant
 };
 
 // The file's text. Same sheet, same text. Throws Error if two quantities have the same key, one is

@@ -8,6 +8,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/csv_writer.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
 
@@ -195,8 +196,7 @@ void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
                                 {"thinnest", t.thinnest},
                                 {"points", t.points}};
   j["notes"] = report.notes;
-  write_file(folder + "/report.json",
-             j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + '\n');
+  write_file(folder + "/report.json", json_text(j));
   if (scan) write_histogram(folder + "/histogram.csv", *scan, tooth);
   const VoxelBox box = voxels_of(tooth);
   const char* names[3] = {"x", "y", "z"};

@@ -1,14 +1,15 @@
+#include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
+#include <cstring>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string_view>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/nearest_name.h"
+#include "toothprep/tools/io/input_file.h"
+#include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep {
@@ -18,55 +19,65 @@ const std::vector<std::string> kColumns = {"time_s", "x_mm", "y_mm",    "z_mm", 
                                            "qz",     "qw",   "buttons", "fx_N", "fy_N", "fz_N"};
 constexpr std::size_t kTime = 0, kPosition = 1, kQuaternion = 4, kButtons = 8, kForce = 9;
 
-// Lines of a text file, of at most 64 kB each (more is not a table), without their line ends.
+// Lines of a text file, of at most 64 kB each (more is not a table), without their line ends. A
+// line is valid until the next one is asked for.
 class LineReader {
  public:
-  explicit LineReader(const std::string& path) : path_(path) {
-    std::error_code error;
-    if (std::filesystem::is_directory(path, error))
-      throw InputError(path, "", "is a folder", "give a CSV file");
-    file_.reset(std::fopen(path.c_str(), "rb"));
-    if (!file_) throw InputError(path, "", "cannot be read", "check that the file exists");
-  }
+  explicit LineReader(const std::string& path) : file_(path) {}
+
   bool next(std::string_view& line) {
-    line_.clear();
-    bool any = false;
-    for (;;) {
-      if (begin_ == end_) {
-        begin_ = 0;
-        end_ = std::fread(buffer_.data(), 1, buffer_.size(), file_.get());
-        if (end_ == 0) {
-          if (std::ferror(file_.get())) throw InputError(path_, "", "cannot be read to its end");
-          if (!any) return false;
-          break;
-        }
-      }
-      any = true;
-      std::size_t stop = begin_;
-      while (stop < end_ && buffer_[stop] != '\n') ++stop;
-      line_.append(buffer_.data() + begin_, stop - begin_);
-      const bool complete = stop < end_;
-      begin_ = complete ? stop + 1 : stop;
-      if (line_.size() > (1u << 16))
-        throw InputError(path_, "line " + std::to_string(number_ + 1), "is longer than 64 kB",
-                         "this is not a CSV table");
-      if (complete) break;
+    std::size_t stop = end_of_line();
+    if (stop == end_) {
+      refill();
+      stop = end_of_line();
     }
+    if (begin_ == end_) return false;
+    line = std::string_view(buffer_.data() + begin_, stop - begin_);
+    if (line.size() > kLongestLine)
+      throw InputError(file_.path(), "line " + std::to_string(number_ + 1), "is longer than 64 kB",
+                       "this is not a CSV table");
+    begin_ = std::min(stop + 1, end_);
     ++number_;
-    if (!line_.empty() && line_.back() == '\r') line_.pop_back();
-    line = line_;
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
     return true;
   }
   std::size_t number() const { return number_; }
 
+  // How many lines the file has in all.
+  std::size_t count() const {
+    std::vector<char> bytes(kBlock);
+    std::size_t lines = 0;
+    char last = '\n';
+    for (std::uint64_t at = 0; at < file_.size(); at += kBlock) {
+      const std::size_t n = file_.read(at, bytes.size(), bytes.data());
+      lines += static_cast<std::size_t>(
+          std::count(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n), '\n'));
+      if (n > 0) last = bytes[n - 1];
+    }
+    return lines + (last == '\n' ? 0 : 1);
+  }
+
  private:
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  std::string path_, line_;
-  std::unique_ptr<std::FILE, Close> file_;
-  std::vector<char> buffer_ = std::vector<char>(1 << 16);
+  static constexpr std::size_t kLongestLine = 1 << 16, kBlock = 1 << 20;
+
+  std::size_t end_of_line() const {
+    const void* at = std::memchr(buffer_.data() + begin_, '\n', end_ - begin_);
+    return at ? static_cast<std::size_t>(static_cast<const char*>(at) - buffer_.data()) : end_;
+  }
+  // Keeps what is left of the buffer, and reads on behind it.
+  void refill() {
+    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    end_ -= begin_;
+    begin_ = 0;
+    const std::size_t n = file_.read(place_, buffer_.size() - end_, buffer_.data() + end_);
+    place_ += n;
+    end_ += n;
+  }
+
+  InputFile file_;
+  std::vector<char> buffer_ = std::vector<char>(kBlock + kLongestLine);
   std::size_t begin_ = 0, end_ = 0, number_ = 0;
+  std::uint64_t place_ = 0;  // in the file, of the buffer's end
 };
 
 std::string_view trimmed(std::string_view text) {
@@ -75,12 +86,12 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-std::vector<std::string_view> split(std::string_view line) {
-  std::vector<std::string_view> fields;
+void split(std::string_view line, std::vector<std::string_view>& fields) {
+  fields.clear();
   for (;;) {
     const std::size_t comma = line.find(',');
     fields.push_back(trimmed(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return fields;
+    if (comma == std::string_view::npos) return;
     line.remove_prefix(comma + 1);
   }
 }
@@ -110,7 +121,9 @@ Header read_header(std::string_view line, const std::string& path,
   header.names = kColumns;
   header.names.insert(header.names.end(), also.begin(), also.end());
   header.at.resize(header.names.size());
-  for (const std::string_view name : split(line)) {
+  std::vector<std::string_view> names;
+  split(line, names);
+  for (const std::string_view name : names) {
     const std::string place = "line 1, column " + std::to_string(header.columns + 1);
     std::size_t column = 0;
     while (column < header.names.size() && header.names[column] != name) ++column;
@@ -139,6 +152,88 @@ Header read_header(std::string_view line, const std::string& path,
   return header;
 }
 
+// Refuses a table that can't be held before its rows are read.
+void check_size(const std::string& path, const Header& header, std::size_t rows) {
+  if (rows > kMostSamples)
+    throw InputError(path, "", "more than " + std::to_string(kMostSamples) + " samples",
+                     "cut the recording into pieces");
+  const double bytes =
+      static_cast<double>(rows) *
+      static_cast<double>(sizeof(HandleSample) + (header.has(kForce) ? sizeof(Vec3) : 0) +
+                          (header.names.size() - kColumns.size()) * sizeof(double));
+  const auto free = static_cast<double>(available_memory());
+  if (bytes > free)
+    throw InputError(path, "",
+                     "holds " + std::to_string(rows) + " samples, which take " + size_text(bytes) +
+                         " of memory where " + size_text(free) + " are free",
+                     "cut the recording into pieces");
+}
+
+// The table's rows, one after another.
+class RowReader {
+ public:
+  RowReader(const std::string& path, const Header& header)
+      : path_(path), header_(header), value_(header.names.size()), column_of_(header.columns) {
+    for (std::size_t c = 0; c < header.names.size(); ++c)
+      if (header.at[c]) column_of_[*header.at[c]] = c;
+  }
+
+  // The values of a line, by column.
+  const std::vector<double>& values(std::string_view line, std::size_t number) {
+    number_ = number;
+    split(line, fields_);
+    if (fields_.size() != header_.columns)
+      refuse("",
+             "has " + std::to_string(fields_.size()) + " columns where the header has " +
+                 std::to_string(header_.columns),
+             "is the file complete?");
+    for (std::size_t i = 0; i < fields_.size(); ++i) {
+      double& value = value_[column_of_[i]];
+      const char* end = fields_[i].data() + fields_[i].size();
+      const auto [stop, error] = std::from_chars(fields_[i].data(), end, value);
+      if (error != std::errc() || stop != end || !std::isfinite(value))
+        refuse(header_.names[column_of_[i]], quoted(fields_[i]) + " is not a finite number");
+    }
+    return value_;
+  }
+
+  // The handle's sample of the last line.
+  HandleSample sample() const {
+    HandleSample s;
+    s.time = value_[kTime];
+    s.pose.position = {value_[kPosition], value_[kPosition + 1], value_[kPosition + 2]};
+    if (header_.has(kQuaternion)) {
+      const Quat q(value_[kQuaternion + 3], value_[kQuaternion], value_[kQuaternion + 1],
+                   value_[kQuaternion + 2]);
+      if (!accept_quaternion(q, s.pose.orientation))
+        refuse("", "qx,qy,qz,qw is not of unit length",
+               "write unit quaternions in the order x, y, z, w");
+    }
+    if (header_.has(kButtons)) {
+      const double b = value_[kButtons];
+      if (!(b >= 0 && b <= 4294967295.0 && b == std::floor(b)))
+        refuse("buttons", "must be a whole number of 0 or more (bit 0: motor on)");
+      s.buttons = static_cast<std::uint32_t>(b);
+    }
+    return s;
+  }
+
+  [[noreturn]] void refuse(const std::string& column, const std::string& condition,
+                           const std::string& remedy = {}) const {
+    throw InputError(
+        path_, "line " + std::to_string(number_) + (column.empty() ? "" : ", column " + column),
+        condition, remedy);
+  }
+
+ private:
+  const std::string& path_;
+  const Header& header_;
+  std::size_t number_ = 0;
+  std::vector<double> value_;
+  std::vector<std::size_t> column_of_;  // of each field
+  std::vector<std::string_view> fields_;
+};
+
 }  // namespace
 
 Trajectory read_csv_trajectory(const std::string& path) {
@@ -153,55 +248,28 @@ Trajectory read_csv_trajectory(const std::string& path, const std::vector<std::s
   if (!lines.next(line)) throw InputError(path, "", "is empty", "a header line is needed");
   const Header header = read_header(line, path, also);
 
+  const std::size_t rows = lines.count() - 1;
+  check_size(path, header, rows);
   Trajectory trajectory;
-  std::vector<double> value(header.names.size());
-  std::vector<std::size_t> column_of(header.columns);
-  for (std::size_t c = 0; c < header.names.size(); ++c)
-    if (header.at[c]) column_of[*header.at[c]] = c;
+  trajectory.samples.reserve(rows);
+  if (header.has(kForce)) trajectory.measured_force.reserve(rows);
+  for (std::size_t c = kColumns.size(); c < header.names.size(); ++c)
+    if (header.has(c)) further[header.names[c]].reserve(rows);
+
+  RowReader reader(path, header);
   bool ended = false;  // by a blank line: only blank ones may follow
   while (lines.next(line)) {
-    const std::string row = "line " + std::to_string(lines.number());
     if (trimmed(line).empty()) {
       ended = true;
       continue;
     }
-    if (ended) throw InputError(path, row, "follows a blank line", "remove the blank line");
-    const std::vector<std::string_view> fields = split(line);
-    if (fields.size() != header.columns)
-      throw InputError(path, row,
-                       "has " + std::to_string(fields.size()) + " columns where the header has " +
-                           std::to_string(header.columns),
-                       "is the file complete?");
-    for (std::size_t i = 0; i < fields.size(); ++i) {
-      const std::size_t c = column_of[i];
-      const char* end = fields[i].data() + fields[i].size();
-      const auto [stop, error] = std::from_chars(fields[i].data(), end, value[c]);
-      if (error != std::errc() || stop != end || !std::isfinite(value[c]))
-        throw InputError(path, row + ", column " + header.names[c],
-                         quoted(fields[i]) + " is not a finite number");
-    }
-    HandleSample sample;
-    sample.time = value[kTime];
-    sample.pose.position = {value[kPosition], value[kPosition + 1], value[kPosition + 2]};
+    if (ended)
+      throw InputError(path, "line " + std::to_string(lines.number()), "follows a blank line",
+                       "remove the blank line");
+    const std::vector<double>& value = reader.values(line, lines.number());
+    const HandleSample sample = reader.sample();
     if (!trajectory.samples.empty() && !(sample.time > trajectory.samples.back().time))
-      throw InputError(path, row + ", column time_s", "time does not increase");
-    if (header.has(kQuaternion)) {
-      const Quat q(value[kQuaternion + 3], value[kQuaternion], value[kQuaternion + 1],
-                   value[kQuaternion + 2]);
-      if (!accept_quaternion(q, sample.pose.orientation))
-        throw InputError(path, row, "qx,qy,qz,qw is not of unit length",
-                         "write unit quaternions in the order x, y, z, w");
-    }
-    if (header.has(kButtons)) {
-      const double b = value[kButtons];
-      if (!(b >= 0 && b <= 4294967295.0 && b == std::floor(b)))
-        throw InputError(path, row + ", column buttons",
-                         "must be a whole number of 0 or more (bit 0: motor on)");
-      sample.buttons = static_cast<std::uint32_t>(b);
-    }
-    if (trajectory.samples.size() == kMostSamples)
-      throw InputError(path, row, "more than " + std::to_string(kMostSamples) + " samples",
-                       "cut the recording into pieces");
+      reader.refuse("time_s", "time does not increase");
     trajectory.samples.push_back(sample);
     if (header.has(kForce))
       trajectory.measured_force.emplace_back(value[kForce], value[kForce + 1], value[kForce + 2]);

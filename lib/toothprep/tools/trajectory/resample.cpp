@@ -29,6 +29,30 @@ HandleSample between(const HandleSample& a, const HandleSample& b, double time) 
   return result;
 }
 
+// No hand is recorded at less than 10 Hz.
+bool mostly_gaps(const std::vector<HandleSample>& in) {
+  std::size_t gaps = 0;
+  for (std::size_t j = 1; j < in.size(); ++j) gaps += in[j].time - in[j - 1].time > kLargestGap;
+  return gaps > in.size() / 2;
+}
+
+// How many samples there are at the step rate.
+std::size_t resampled_size(const Trajectory& trajectory, double time_step,
+                           const std::string& where) {
+  const std::vector<HandleSample>& in = trajectory.samples;
+  if (!(time_step > 0) || !std::isfinite(time_step))
+    throw Error("the step of a resampling must be positive and finite");
+  if (in.size() < 2) throw InputError(where, "", "holds fewer than two samples", "record a motion");
+  const double duration = in.back().time - in.front().time;
+  const double steps = std::floor((duration + kSameTime) / time_step);
+  if (!(steps < static_cast<double>(kMostSamples)))
+    throw InputError(where, "",
+                     "lasts " + seconds(duration) + ", more than " + std::to_string(kMostSamples) +
+                         " steps of " + seconds(time_step),
+                     "cut it into pieces");
+  return static_cast<std::size_t>(steps) + 1;
+}
+
 }  // namespace
 
 bool accept_quaternion(const Quat& recorded, Quat& orientation) {
@@ -41,9 +65,6 @@ bool accept_quaternion(const Quat& recorded, Quat& orientation) {
 std::vector<HandleSample> resample(const Trajectory& trajectory, double time_step, bool allow_gaps,
                                    const std::string& where) {
   const std::vector<HandleSample>& in = trajectory.samples;
-  if (!(time_step > 0) || !std::isfinite(time_step))
-    throw Error("the step of a resampling must be positive and finite");
-  if (in.size() < 2) throw InputError(where, "", "holds fewer than two samples", "record a motion");
   for (std::size_t j = 0; j + 1 < in.size(); ++j) {
     const double gap = in[j + 1].time - in[j].time;
     if (!(gap > 0))
@@ -51,18 +72,12 @@ std::vector<HandleSample> resample(const Trajectory& trajectory, double time_ste
     if (gap > kLargestGap + kSameTime && !allow_gaps)
       throw InputError(where, "time " + seconds(in[j].time),
                        "a gap of " + seconds(gap) + " follows, more than 0.1 s",
-                       "record without gaps, or allow them (--allow-gaps)");
+                       mostly_gaps(in) ? "are these milliseconds? times are in seconds"
+                                       : "record without gaps, or allow them (--allow-gaps)");
   }
 
+  const std::size_t count = resampled_size(trajectory, time_step, where);
   const double start = in.front().time;
-  const double steps = std::floor((in.back().time - start + kSameTime) / time_step);
-  if (!(steps < static_cast<double>(kMostSamples)))
-    throw InputError(where, "",
-                     "lasts " + seconds(in.back().time - start) + ", more than " +
-                         std::to_string(kMostSamples) + " steps of " + seconds(time_step),
-                     "cut it into pieces");
-  const std::size_t count = static_cast<std::size_t>(steps) + 1;
-
   const auto time_of = [&](std::size_t i) { return start + static_cast<double>(i) * time_step; };
   bool on_grid = count == in.size();
   for (std::size_t i = 0; on_grid && i < count; ++i)
