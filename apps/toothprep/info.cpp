@@ -12,14 +12,15 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
-#include "mesh_summary.h"
 #include "strictness.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/step/core/regular_file.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/plain_text.h"
+#include "toothprep/tools/mesh_files/mesh_file.h"
 #include "toothprep/tools/scan_files/image_file.h"
 
 namespace toothprep::app {
@@ -198,13 +199,28 @@ void describe_scan(const std::string& path, Json& info) {
   if (!scan->notes().empty()) info["notes"] = scan->notes();
 }
 
-void describe_mesh(const std::string& path, const std::string& extension, Json& info) {
-  const MeshSummary mesh = MeshReader(path).read(extension);
+void describe_mesh(const std::string& path, Json& info) {
+  const MeshFile mesh = read_mesh_file(path);
+  const auto refuse = [&](const std::string& condition) {
+    throw InputError(path, "", condition, "is the mesh complete?");
+  };
+  if (mesh.points.empty()) refuse("holds no vertices");
+  Vec3 low = mesh.points[0], high = low;
+  for (const Vec3& x : mesh.points) {
+    if (!x.allFinite()) refuse("holds a vertex that is not finite");
+    low = low.cwiseMin(x);
+    high = high.cwiseMax(x);
+  }
+  std::uint64_t triangles = 0;
+  for (std::size_t face = 0, begin = 0; face < mesh.ends.size(); begin = mesh.ends[face++]) {
+    if (mesh.ends[face] < begin + 3) refuse("holds a face of fewer than three corners");
+    triangles += mesh.ends[face] - begin - 2;
+  }
   info["kind"] = "mesh";
   info["format"] = mesh.format;
-  info["vertices"] = mesh.vertices;
-  info["triangles"] = mesh.triangles;
-  info["bounds_mm"] = bounds(mesh.min, mesh.max);
+  info["vertices"] = mesh.points.size();
+  info["triangles"] = triangles;
+  info["bounds_mm"] = bounds(low, high);
 }
 
 std::string scalar(const Json& value) {
@@ -259,7 +275,10 @@ void run(const Options& o) {
   info["schema"] = "toothprep-info";
   info["schema_version"] = 1;
   info["file"] = o.file;
-  if (!folder) info["file_sha256"] = sha256_of_file(o.file);
+  if (!folder) {
+    regular_file_size(o.file);
+    info["file_sha256"] = nullptr;  // stands here, but is taken of what could be read only
+  }
   if (folder) {
     const std::vector<SeriesInfo> series = list_series(o.file);
     series.size() > 1 ? describe_series(series, info) : describe_scan(o.file, info);
@@ -272,10 +291,11 @@ void run(const Options& o) {
     describe_trajectory(o.file, read_csv_trajectory(o.file), info, warnings);
   else if (extension == ".toml")
     describe_trajectory(o.file, read_script(o.file), info, warnings);
-  else if (extension == ".ply" || extension == ".stl" || extension == ".obj")
-    describe_mesh(o.file, extension, info);
+  else if (extension == ".ply" || extension == ".stl" || extension == ".obj" || extension == ".off")
+    describe_mesh(o.file, info);
   else
     describe_scan(o.file, info);
+  if (!folder) info["file_sha256"] = sha256_of_file(o.file);
   if (!warnings.empty()) info["warnings"] = warnings;
   warn_or_refuse(warnings, o.strict);
   if (o.json)
@@ -290,10 +310,10 @@ void run(const Options& o) {
 void add_info(CLI::App& app, const Common&) {
   auto* sub = app.add_subcommand("info", "What a tooth, trace, trajectory, scan or mesh holds");
   const auto o = std::make_shared<Options>();
-  sub->add_option(
-         "file", o->file,
-         "Tooth (.vdb), trace or trajectory (.h5, .csv, .toml), mesh (.ply, .stl, .obj), or a "
-         "scan (.nrrd, .nii, .mha, ..., or a folder of DICOM)")
+  sub->add_option("file", o->file,
+                  "Tooth (.vdb), trace or trajectory (.h5, .csv, .toml), mesh (.ply, .stl, .obj, "
+                  ".off), or a "
+                  "scan (.nrrd, .nii, .mha, ..., or a folder of DICOM)")
       ->required();
   add_strict(*sub, o->strict,
              "a tooth that another program changed, a motion or a trace that can't be meant");

@@ -483,6 +483,57 @@ TEST_F(Dicom, SignBitsAndRescaleOfStoredValues) {
   EXPECT_THAT(refusal(path("")), HasSubstr("slice_0002.dcm: turns stored values into greys"));
 }
 
+TEST_F(Dicom, ASliceStoredOtherwiseThanTheFirstIsRefusedNamingBothValues) {
+  const auto image = some_image();
+  struct Case {
+    const char *name, *here, *first;
+    std::function<void(gdcm::DataSet&)> edit;
+  };
+  const Case cases[] = {{"PixelRepresentation", "0", "1",
+                         [](gdcm::DataSet& data) { put(data, Tag(0x0028, 0x0103), 0); }},
+                        {"BitsStored", "12", "16",
+                         [](gdcm::DataSet& data) {
+                           put(data, Tag(0x0028, 0x0101), 12);
+                           put(data, Tag(0x0028, 0x0102), 11);
+                         }},
+                        {"RescaleSlope", "9", "1",
+                         [](gdcm::DataSet& data) { put(data, Tag(0x0028, 0x1053), VR::DS, "9"); }},
+                        {"RescaleIntercept", "-1024", "0", [](gdcm::DataSet& data) {
+                           put(data, Tag(0x0028, 0x1052), VR::DS, "-1024");
+                         }}};
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.name);
+    fresh();
+    write_dicom_series(image, path(""));
+    edit(slice(4), c.edit);
+    EXPECT_THAT(
+        refusal(path("")),
+        testing::AllOf(HasSubstr("slice_0004.dcm: has " + std::string(c.name)),
+                       HasSubstr(std::string(" ") + c.here + ", the first slice " + c.first),
+                       HasSubstr("--allow-irregular")));
+    ScanReadOptions any;
+    any.allow_irregular = true;
+    std::vector<std::string> notes;
+    const auto read = read_scan(path(""), any, &notes);
+    EXPECT_EQ(read.at(3, 2, 1), image.at(3, 2, 1));
+    ASSERT_EQ(notes.size(), 1u);
+    EXPECT_THAT(notes[0], HasSubstr("each was read by its own header"));
+  }
+}
+
+TEST_F(Dicom, APixelSpacingThatIsNoneIsRefusedUnlessTheOptionReplacesIt) {
+  const auto image = some_image();
+  for (const char* value : {"0\\0.2", "0.3\\none", "nan\\0.2", "-0.3\\0.2"}) {
+    SCOPED_TRACE(value);
+    fresh();
+    write_dicom_series(image, path(""));
+    for (int k = 1; k <= 6; ++k)
+      edit(slice(k), [&](gdcm::DataSet& data) { put(data, Tag(0x0028, 0x0030), VR::DS, value); });
+    EXPECT_THAT(refusal(path("")), testing::AllOf(HasSubstr(value), HasSubstr("--spacing-mm")));
+    EXPECT_EQ(read_scan(path(""), with_spacing(0.2, 0.3, 0.45)).spacing, Vec3(0.2, 0.3, 0.45));
+  }
+}
+
 TEST_F(Dicom, CellsOfOneAndFourBytesAndLossyCompression) {
   // The same bytes as other cells: twice as many columns of 8 bits, half as many of 32.
   const auto image = larger_image();

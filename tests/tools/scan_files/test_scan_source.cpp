@@ -87,7 +87,12 @@ TEST_F(ScanSources, BytesAreTheSamePackedByZlibByGzipAndInSeveralMembers) {
       ASSERT_TRUE(stream.read(at, part.size(), part.data())) << file;
       EXPECT_EQ(part, plain.substr(at, part.size())) << file << " at " << at;
     }
-    EXPECT_TRUE(stream.sound());
+    using State = image::ByteStream::State;
+    EXPECT_EQ(stream.read_to_end(plain.size()), State::kWhole);
+    if (stream.deflated()) {
+      EXPECT_EQ(stream.read_to_end(plain.size() - 1), State::kTooLong);
+      EXPECT_EQ(stream.read_to_end(plain.size() + 1), State::kTooShort);
+    }
     EXPECT_FALSE(stream.read(295001, part.size(), part.data())) << "beyond the end of " << file;
   }
 }
@@ -98,7 +103,13 @@ TEST_F(ScanSources, AChecksumThatFailsIsFound) {
   std::string part(300000, '\0');
   image::ByteStream stream(write("gzip", packed), 0, true);
   EXPECT_TRUE(stream.read(0, part.size(), part.data()));
-  EXPECT_FALSE(stream.sound());
+  EXPECT_EQ(stream.read_to_end(part.size()), image::ByteStream::State::kDamaged);
+}
+
+TEST_F(ScanSources, AChecksumThatIsCutOffIsMissed) {
+  const std::string packed = deflated(numbers(), 31);
+  image::ByteStream stream(write("gzip", packed.substr(0, packed.size() - 8)), 0, true);
+  EXPECT_EQ(stream.read_to_end(300000), image::ByteStream::State::kTooShort);
 }
 
 TEST_F(ScanSources, DamagedCompressedVoxelsAreAnErrorAndNotOtherVoxels) {

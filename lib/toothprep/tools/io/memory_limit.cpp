@@ -12,6 +12,8 @@
 #include <optional>
 #include <sstream>
 
+#include "toothprep/step/core/errors.h"
+
 namespace toothprep {
 namespace fs = std::filesystem;
 namespace {
@@ -79,6 +81,45 @@ std::uint64_t left_of_address_space() {
 std::uint64_t available_memory() {
   const auto free = field_in("/proc/meminfo", "MemAvailable");  // kB
   return std::min({free ? *free * 1024 : kNoLimit, left_in_groups(), left_of_address_space()});
+}
+
+void require_memory(const std::string& file, const std::string& place, double bytes,
+                    const std::string& remedy) {
+  const auto available = static_cast<double>(available_memory());
+  if (bytes > available)
+    throw InputError(
+        file, place,
+        "needs " + size_text(bytes) + " of memory, " + size_text(available) + " are available",
+        remedy);
+}
+
+std::string announced_voxels(double voxels, double voxel_mm, double bytes_per_voxel,
+                             double seconds_per_voxel) {
+  constexpr double kMostVoxels = 0x1p29, kLittleBytes = 1e9, kLittleTime = 30;  // bytes, s
+  const double bytes = voxels * bytes_per_voxel, seconds = voxels * seconds_per_voxel;
+  const auto available = static_cast<double>(available_memory());
+  const auto text_of = [](double value) {
+    std::ostringstream text;
+    text.precision(3);
+    text << value;
+    return text.str();
+  };
+  const std::string what =
+      text_of(voxels / 1e6) + " million voxels of " + text_of(voxel_mm) + " mm";
+  const double factor = std::max(voxels / kMostVoxels, bytes / available);
+  if (factor > 1) {
+    // A tenth more than it takes, in two digits.
+    const double fits = 1.1 * voxel_mm * std::cbrt(factor);
+    const double digit = std::pow(10.0, std::floor(std::log10(fits)) - 1);
+    throw Error(what +
+                (voxels > kMostVoxels ? " are more than 2^29"
+                                      : " take about " + size_text(bytes) + " of memory, " +
+                                            size_text(available) + " are available") +
+                "; --voxel-mm " + text_of(std::ceil(fits / digit) * digit) + " would fit");
+  }
+  if (bytes < kLittleBytes && seconds < kLittleTime) return {};
+  return what + ": about " + size_text(bytes) + " of memory and " + text_of(std::round(seconds)) +
+         " s";
 }
 
 std::string size_text(double bytes) {

@@ -9,9 +9,9 @@
 
 namespace toothprep {
 
-// The scalar property `name` (`tissue`, `quality`, ...) of a binary little-endian or text .ply, for
+// The scalar property `name` (`tissue`, `quality`, ...) of a .ply, for
 // the vertices of `mesh`, which must be what read_shell() made of the same file (vertices at the
-// same place are one: the first counts). Nothing if the file isn't a .ply or has no such property.
+// same place are one: the first counts). Nothing if the file can't be read, isn't a .ply or has no such property.
 std::optional<std::vector<float>> vertex_property(const std::string& path, const TriangleMesh& mesh,
                                                   const std::string& name);
 

@@ -1,7 +1,5 @@
 #include "toothprep/tools/scan_files/byte_stream.h"
 
-#include <fcntl.h>
-#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -9,28 +7,14 @@
 #include <vector>
 
 namespace toothprep::image {
-namespace {
-
-// As many bytes as there are, at most `count`.
-std::size_t read_at(int file, std::uint64_t at, std::size_t count, char* bytes) {
-  std::size_t done = 0;
-  while (done < count) {
-    const ssize_t n = pread(file, bytes + done, count - done, static_cast<off_t>(at + done));
-    if (n <= 0) break;
-    done += static_cast<std::size_t>(n);
-  }
-  return done;
-}
-
-}  // namespace
 
 struct ByteStream::Inflater {
   z_stream stream{};
   std::vector<char> packed = std::vector<char>(1 << 18);
   std::uint64_t next = 0;  // where in the file the next packed bytes are
   std::uint64_t out = 0;   // plain bytes so far
-  bool damaged = false;
-  bool ended = false;  // a member has just been read to its end, and its checksum is right
+  // A member is whole once its checksum was read and is right; zlib compares them.
+  enum { kInMember, kBetweenMembers, kEnded, kDamaged } state = kInMember;
 
   explicit Inflater(std::uint64_t offset) : next(offset) {
     if (inflateInit2(&stream, 15 + 32) != Z_OK)  // zlib or gzip, by its header
@@ -40,28 +24,37 @@ struct ByteStream::Inflater {
   Inflater(const Inflater&) = delete;
   Inflater& operator=(const Inflater&) = delete;
 
-  bool fill(int file) {
-    const std::size_t n = read_at(file, next, packed.size(), packed.data());
+  bool fill(const InputFile& file) {
+    const std::size_t n = file.read(next, packed.size(), packed.data());
     next += n;
     stream.next_in = reinterpret_cast<Bytef*>(packed.data());
     stream.avail_in = static_cast<uInt>(n);
     return n > 0;
   }
 
+  // A gzip file may have several members; what is none is ignored, as gzip does.
+  void begin_next_member() {
+    constexpr Bytef kGzip = 0x1f, kZlib = 0x78;
+    const bool begins = *stream.next_in == kGzip || *stream.next_in == kZlib;
+    state = begins && inflateReset(&stream) == Z_OK ? kInMember : kEnded;
+  }
+
   // As many bytes as there are, at most `count`.
-  std::size_t read(int file, std::size_t count, char* bytes) {
+  std::size_t read(const InputFile& file, std::size_t count, char* bytes) {
     std::size_t done = 0;
-    while (done < count && !damaged && (stream.avail_in > 0 || fill(file))) {
-      const auto room = static_cast<uInt>(std::min<std::size_t>(count - done, 1u << 30));
+    while (done < count && state != kEnded && state != kDamaged &&
+           (stream.avail_in > 0 || fill(file))) {
+      if (state == kBetweenMembers) begin_next_member();
+      if (state != kInMember) break;
+      const auto wanted = static_cast<uInt>(std::min<std::size_t>(count - done, 1u << 30));
       stream.next_out = reinterpret_cast<Bytef*>(bytes + done);
-      stream.avail_out = room;
+      stream.avail_out = wanted;
       const int status = inflate(&stream, Z_NO_FLUSH);
-      done += room - stream.avail_out;
-      ended = status == Z_STREAM_END;
-      if (ended)
-        inflateReset(&stream);  // gzip files may have several members
+      done += wanted - stream.avail_out;
+      if (status == Z_STREAM_END)
+        state = kBetweenMembers;
       else if (status != Z_OK && status != Z_BUF_ERROR)
-        damaged = true;
+        state = kDamaged;
     }
     out += done;
     return done;
@@ -69,15 +62,14 @@ struct ByteStream::Inflater {
 };
 
 ByteStream::ByteStream(const std::string& file, std::uint64_t offset, bool deflated)
-    : file_(open(file.c_str(), O_RDONLY | O_CLOEXEC)), offset_(offset) {
-  if (file_ < 0) throw std::runtime_error("can't be opened");
+    : file_(file), offset_(offset) {
   if (deflated) inflater_ = std::make_unique<Inflater>(offset);
 }
 
-ByteStream::~ByteStream() { close(file_); }
+ByteStream::~ByteStream() = default;
 
 bool ByteStream::read(std::uint64_t at, std::size_t count, char* bytes) {
-  if (!inflater_) return read_at(file_, offset_ + at, count, bytes) == count;
+  if (!inflater_) return file_.read(offset_ + at, count, bytes) == count;
   if (at < inflater_->out) inflater_ = std::make_unique<Inflater>(offset_);
   std::vector<char> skipped(std::min<std::uint64_t>(at - inflater_->out, 1 << 20));
   while (inflater_->out < at) {
@@ -87,20 +79,17 @@ bool ByteStream::read(std::uint64_t at, std::size_t count, char* bytes) {
   return inflater_->read(file_, count, bytes) == count;
 }
 
-bool ByteStream::sound() {
-  if (!inflater_) return true;
-  // The checksum stands behind the last byte, so another one is asked for.
+ByteStream::State ByteStream::read_to_end(std::uint64_t bytes) {
+  if (!inflater_) return State::kWhole;
   Inflater& z = *inflater_;
-  if (z.ended) return true;
-  char more = 0;
-  z.stream.next_out = reinterpret_cast<Bytef*>(&more);
-  z.stream.avail_out = 1;
-  while (z.stream.avail_out > 0 && (z.stream.avail_in > 0 || z.fill(file_))) {
-    const int status = inflate(&z.stream, Z_NO_FLUSH);
-    if (status == Z_STREAM_END) return true;
-    if (status != Z_OK && status != Z_BUF_ERROR) return false;
+  std::vector<char> skipped(1 << 20);
+  while (z.out <= bytes && z.read(file_, skipped.size(), skipped.data()) > 0) {
   }
-  return true;
+  if (z.state == Inflater::kDamaged) return State::kDamaged;
+  if (z.out > bytes) return State::kTooLong;
+  return z.out < bytes || z.state == Inflater::kInMember ? State::kTooShort : State::kWhole;
 }
+
+bool ByteStream::damaged() const { return inflater_ && inflater_->state == Inflater::kDamaged; }
 
 }  // namespace toothprep::image

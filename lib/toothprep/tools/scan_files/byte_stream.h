@@ -5,11 +5,13 @@
 #include <memory>
 #include <string>
 
+#include "toothprep/tools/io/input_file.h"
+
 namespace toothprep::image {
 
 class ByteStream {
  public:
-  // Of `file` from `offset` on. Throws std::runtime_error if it can't be opened.
+  // Of `file` from `offset` on. Throws InputError if it is no regular file or can't be opened.
   ByteStream(const std::string& file, std::uint64_t offset, bool deflated);
   ~ByteStream();
   ByteStream(const ByteStream&) = delete;
@@ -21,14 +23,16 @@ class ByteStream {
   // threads at once.
   bool read(std::uint64_t at, std::size_t count, char* bytes);
 
-  // Whether a deflated stream, read to here, has no checksum that fails.
-  bool sound();
+  // What a deflated stream is, read to its end: whole and of so many plain bytes, or not.
+  enum class State { kWhole, kDamaged, kTooShort, kTooLong };
+  State read_to_end(std::uint64_t bytes);
 
+  bool damaged() const;  // as far as it was read
   bool deflated() const { return inflater_ != nullptr; }
 
  private:
   struct Inflater;
-  int file_ = -1;
+  InputFile file_;
   std::uint64_t offset_ = 0;
   std::unique_ptr<Inflater> inflater_;
 };

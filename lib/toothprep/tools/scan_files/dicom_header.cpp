@@ -82,7 +82,8 @@ std::optional<DicomHeader> header_of(const DicomFile& dicom, const std::string& 
     DicomFrame& frame = header.frames[f];
     frame.position = numbers(find(top, f, kPlanePosition, 0x00200032));
     frame.orientation = numbers(find(top, f, kPlaneOrientation, 0x00200037));
-    frame.pixel_spacing = numbers(find(top, f, kPixelMeasures, 0x00280030));
+    frame.pixel_spacing_text = find(top, f, kPixelMeasures, 0x00280030);
+    frame.pixel_spacing = numbers(frame.pixel_spacing_text);
     const auto scalar = [&](std::uint32_t tag, double& value) {
       const std::string text = find(top, f, kPixelValues, tag);
       if (text.empty()) return;

@@ -15,6 +15,7 @@ namespace toothprep::image {
 struct DicomFrame {
   std::vector<double> position, orientation;  // mm and cosines, LPS; 3 and 6 values if stated
   std::vector<double> pixel_spacing;          // mm, between rows, between columns
+  std::string pixel_spacing_text;             // as it stands there
   double slope = 1, intercept = 0;            // grey value = slope * stored value + intercept
 };
 

@@ -11,6 +11,7 @@
 #include <map>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/scan_files/dicom_header.h"
 #include "toothprep/tools/scan_files/dicom_pixels.h"
 #include "toothprep/tools/scan_files/image_checks.h"
@@ -179,48 +180,83 @@ void check_header(const std::string& path, const DicomHeader& header) {
                      "export the series again, or as NRRD or NIfTI");
 }
 
-Series ordered(const std::string& path, const std::vector<DicomHeader>& files) {
-  Series series;
-  for (const auto& header : files) {
-    check_header(path, header);
-    for (std::size_t f = 0; f < header.frames.size(); ++f) {
-      const DicomFrame& frame = header.frames[f];
-      Slice slice{&header, f, Vec3::Zero()};
-      if (frame.position.size() != 3 || frame.orientation.size() != 6 ||
-          frame.pixel_spacing.size() != 2)
-        throw InputError(
-            path, slice.name(),
-            "lacks a position, orientation or pixel spacing (tags 0020,0032 0020,0037 0028,0030)",
-            "export the series again, or as NRRD or NIfTI");
-      slice.position = Vec3(frame.position[0], frame.position[1], frame.position[2]);
-      const auto& o = frame.orientation;
-      const Vec3 x(o[0], o[1], o[2]), y(o[3], o[4], o[5]);
-      Mat3 direction;
-      direction << x, y, x.cross(y);
-      // PixelSpacing is (between rows, between columns).
-      const Vec3 spacing(frame.pixel_spacing[1], frame.pixel_spacing[0], 0);
-      if (series.slices.empty()) {
-        if (!((direction.transpose() * direction - Mat3::Identity()).norm() < 1e-3))
-          throw InputError(path, slice.name(), "its axes are not orthogonal unit vectors",
-                           "export the series again, or as NRRD or NIfTI");
-        if (!(spacing.x() > 0 && spacing.y() > 0))
-          throw InputError(path, slice.name(), "its pixel spacing is not positive",
-                           "export the series again, or as NRRD or NIfTI");
-        series.direction = direction;
-        series.spacing = spacing;
-        series.columns = header.columns;
-        series.rows = header.rows;
-      } else if (!((direction - series.direction).norm() <= 1e-3 &&
-                   (spacing - series.spacing).norm() <= 1e-4 * spacing.norm()) ||
-                 header.columns != series.columns || header.rows != series.rows) {
-        throw InputError(path, slice.name(),
-                         "differs from the other slices in size, pixel spacing or orientation",
-                         "keep only the axial slices of the scan in the folder");
-      }
-      slice.along = series.direction.col(2).dot(slice.position);
-      series.slices.push_back(slice);
-    }
+// The slice's place and axes; `spacing_mm` stands for the pixel spacing if it is given.
+struct Placed {
+  Vec3 position;
+  Mat3 direction;
+  Vec3 spacing;  // z is not known yet
+};
+Placed placed(const std::string& path, const Slice& slice, const ScanReadOptions& options) {
+  const DicomFrame& frame = slice.header->frames[slice.frame];
+  if (frame.position.size() != 3 || frame.orientation.size() != 6)
+    throw InputError(path, slice.name(),
+                     "lacks a position or orientation (tags 0020,0032 0020,0037)",
+                     "export the series again, or as NRRD or NIfTI");
+  Placed result;
+  result.position = Vec3(frame.position[0], frame.position[1], frame.position[2]);
+  const auto& o = frame.orientation;
+  const Vec3 x(o[0], o[1], o[2]), y(o[3], o[4], o[5]);
+  result.direction << x, y, x.cross(y);
+  if (!((result.direction.transpose() * result.direction - Mat3::Identity()).norm() < 1e-3))
+    throw InputError(path, slice.name(), "its axes are not orthogonal unit vectors",
+                     "export the series again, or as NRRD or NIfTI");
+  if (options.spacing_mm) {
+    result.spacing = Vec3((*options.spacing_mm)[0], (*options.spacing_mm)[1], 0);
+    return result;
   }
+  const auto& spacing = frame.pixel_spacing;
+  if (spacing.size() != 2 || !(spacing[0] > 0) || !(spacing[1] > 0))
+    throw InputError(path, slice.name(),
+                     "states '" + frame.pixel_spacing_text +
+                         "' as its pixel spacing (tag 0028,0030), which is none",
+                     "give the true voxel size with --spacing-mm");
+  result.spacing = Vec3(spacing[1], spacing[0], 0);  // stated between rows, between columns
+  return result;
+}
+
+// What a slice differs in from the first in shape or place; empty if in nothing.
+std::string other_shape(const Series& series, const DicomHeader& header, const Placed& slice) {
+  if (header.columns != series.columns || header.rows != series.rows)
+    return "has " + std::to_string(header.columns) + " x " + std::to_string(header.rows) +
+           " pixels, the first slice " + std::to_string(series.columns) + " x " +
+           std::to_string(series.rows);
+  if (!((slice.spacing - series.spacing).norm() <= 1e-4 * slice.spacing.norm()))
+    return "has pixels of " + number(slice.spacing.x()) + " x " + number(slice.spacing.y()) +
+           " mm, the first slice of " + number(series.spacing.x()) + " x " +
+           number(series.spacing.y()) + " mm";
+  if (!((slice.direction - series.direction).norm() <= 1e-3))
+    return "is oriented otherwise than the first slice";
+  return {};
+}
+
+// In what a slice's stored values mean something else than the first's; empty if in nothing. Each
+// frame of a multi-frame file has its own rescale, as has each slice of the kinds of scan whose
+// scanners use all of the range in every slice.
+std::string other_values(const DicomHeader& first, const DicomHeader& header) {
+  struct Compared {
+    const char* name;
+    double of_first, here;
+  };
+  std::vector<Compared> compared = {
+      {"PixelRepresentation (0 unsigned, 1 signed)", first.is_signed ? 1.0 : 0.0,
+       header.is_signed ? 1.0 : 0.0},
+      {"BitsAllocated", double(first.bits_allocated), double(header.bits_allocated)},
+      {"BitsStored", double(first.bits_stored), double(header.bits_stored)},
+      {"HighBit", double(first.high_bit), double(header.high_bit)}};
+  const bool own_rescale =
+      header.modality == "PT" || header.modality == "NM" || header.modality == "MR";
+  if (!own_rescale && first.frames.size() == 1 && header.frames.size() == 1) {
+    compared.push_back({"RescaleSlope", first.frames[0].slope, header.frames[0].slope});
+    compared.push_back({"RescaleIntercept", first.frames[0].intercept, header.frames[0].intercept});
+  }
+  for (const auto& [name, of_first, here] : compared)
+    if (of_first != here)
+      return std::string("has ") + name + " " + number(here) + ", the first slice " +
+             number(of_first);
+  return {};
+}
+
+void sort_by_position(const std::string& path, Series& series) {
   std::stable_sort(series.slices.begin(), series.slices.end(),
                    [](const Slice& a, const Slice& b) { return a.along < b.along; });
   check_size(path, {static_cast<double>(series.columns), static_cast<double>(series.rows),
@@ -231,6 +267,43 @@ Series ordered(const std::string& path, const std::vector<DicomHeader>& files) {
   const auto middle = gaps.begin() + static_cast<std::ptrdiff_t>((gaps.size() - 1) / 2);
   std::nth_element(gaps.begin(), middle, gaps.end());
   series.spacing[2] = *middle;
+}
+
+Series ordered(const std::string& path, const std::vector<DicomHeader>& files,
+               const ScanReadOptions& options, std::vector<std::string>& notes) {
+  Series series;
+  std::string other;
+  for (const auto& header : files) {
+    check_header(path, header);
+    for (std::size_t f = 0; f < header.frames.size(); ++f) {
+      Slice slice{&header, f, Vec3::Zero()};
+      const Placed place = placed(path, slice, options);
+      if (series.slices.empty()) {
+        series.direction = place.direction;
+        series.spacing = place.spacing;
+        series.columns = header.columns;
+        series.rows = header.rows;
+      }
+      const std::string shape = other_shape(series, header, place);
+      if (!shape.empty())
+        throw InputError(path, slice.name(), shape,
+                         "keep only the axial slices of the scan in the folder");
+      if (f == 0 && other.empty()) {
+        other = other_values(files.front(), header);
+        if (!other.empty() && !options.allow_irregular)
+          throw InputError(path, slice.name(), other,
+                           "copy the file again; if the scanner wrote it so, --allow-irregular "
+                           "reads each slice by its own header");
+        if (!other.empty())
+          notes.push_back("slices are stored in different ways (" + slice.name() + " " + other +
+                          "); each was read by its own header");
+      }
+      slice.position = place.position;
+      slice.along = series.direction.col(2).dot(slice.position);
+      series.slices.push_back(slice);
+    }
+  }
+  sort_by_position(path, series);
   return series;
 }
 
@@ -251,26 +324,32 @@ struct Grid {
   bool regular() const { return shift.empty(); }
 };
 
-Grid grid_of(const std::string& path, const Series& series, bool allow_irregular,
-             std::vector<std::string>& notes) {
-  const auto& slices = series.slices;
-  const std::size_t n = slices.size();
-  const double step = series.spacing[2], tolerance = std::max(0.02 * step, 2e-3);
-  const Vec3 normal = series.direction.col(2), whole = slices.back().position - slices[0].position;
-  const double extent = slices.back().along - slices[0].along;
-  // Sideways per mm along the normal, if the slices lie on one straight line.
-  const Vec3 shear = extent > 0 ? Vec3((whole - normal * extent) / extent) : Vec3(Vec3::Zero());
+// How the slices lie, found between each and the next.
+struct Regularity {
   bool even = true, upright = true;
-  double widest = 0;
-  for (std::size_t i = 1; i < n; ++i) {
+  double widest = 0;  // gap, mm
+  double extent = 0;  // along the normal, mm
+  Vec3 whole, shear;  // from the first slice to the last, mm; sideways per mm along the normal
+};
+
+// Throws InputError for what can't be a rectangular grid, or could only with `allow_irregular`.
+Regularity regularity_of(const std::string& path, const Series& series, bool allow_irregular) {
+  const auto& slices = series.slices;
+  const double step = series.spacing[2], tolerance = std::max(0.02 * step, 2e-3);
+  const Vec3 normal = series.direction.col(2);
+  Regularity is;
+  is.whole = slices.back().position - slices[0].position;
+  is.extent = slices.back().along - slices[0].along;
+  is.shear = is.extent > 0 ? Vec3((is.whole - normal * is.extent) / is.extent) : Vec3(Vec3::Zero());
+  for (std::size_t i = 1; i < slices.size(); ++i) {
     const double gap = slices[i].along - slices[i - 1].along;
     const std::string place = between(slices[i - 1], slices[i]);
     if (!(gap >= 1e-4))
       throw InputError(path, place, "lie at the same position",
                        "keep one of each slice in the folder");
-    widest = std::max(widest, gap);
+    is.widest = std::max(is.widest, gap);
     if (std::abs(gap - step) > tolerance) {
-      even = false;
+      is.even = false;
       const std::string what =
           "are " + number(gap) + " mm apart, the other slices " + number(step) + " mm";
       if (!allow_irregular)
@@ -282,44 +361,44 @@ Grid grid_of(const std::string& path, const Series& series, bool allow_irregular
     }
     const Vec3 sideways = slices[i].position - slices[i - 1].position - normal * gap;
     if (sideways.norm() > tolerance) {
-      upright = false;
+      is.upright = false;
       if (!allow_irregular)
         throw InputError(path, place, "are shifted sideways (a tilted gantry?)",
                          "resample the series to a rectangular grid (--allow-irregular)");
-      if ((sideways - shear * gap).norm() > tolerance)
+      if ((sideways - is.shear * gap).norm() > tolerance)
         throw InputError(path, place, "are shifted sideways by another amount than other slices",
                          "a tilted gantry would shift all alike; export the series again");
     }
   }
-  if (!upright && shear.norm() > kSteepestTilt)
+  if (!is.upright && is.shear.norm() > kSteepestTilt)
     throw InputError(path, "", "its slices are sheared by more than 45 degrees",
                      "export the series again");
+  return is;
+}
 
+// The grid that the slices are resampled to.
+Grid irregular_grid(const std::string& path, const Series& series, const Regularity& is) {
+  const auto& slices = series.slices;
+  const std::size_t n = slices.size();
   Grid grid;
-  grid.size = Index3(series.columns, series.rows, static_cast<int>(n));
   grid.origin = slices[0].position;
-  if (even && upright) {
-    grid.step = extent / static_cast<double>(n - 1);
-    return grid;
-  }
-  grid.step = even ? extent / static_cast<double>(n - 1) : step;
-  const double planes = even ? static_cast<double>(n) : std::floor(extent / step + 1e-3) + 1;
+  const double step = series.spacing[2];
+  grid.step = is.even ? is.extent / static_cast<double>(n - 1) : step;
+  const double planes = is.even ? static_cast<double>(n) : std::floor(is.extent / step + 1e-3) + 1;
   std::array<double, 3> size{static_cast<double>(series.columns), static_cast<double>(series.rows),
                              planes};
   // Every slice keeps its whole area: the grid grows by what the first and the last are apart.
-  std::array<double, 2> room{};  // voxels before the first slice's first column and row
-  if (!upright)
-    for (int a = 0; a < 2; ++a) {
-      const double across = series.direction.col(a).dot(whole) / series.spacing[a];
-      room[a] = std::ceil(std::max(0.0, -across) - 1e-6);
-      size[a] += room[a] + std::ceil(std::max(0.0, across) - 1e-6);
-      grid.origin -= series.direction.col(a) * series.spacing[a] * room[a];
-    }
+  for (int a = 0; a < 2 && !is.upright; ++a) {
+    const double across = series.direction.col(a).dot(is.whole) / series.spacing[a];
+    const double before = std::ceil(std::max(0.0, -across) - 1e-6);  // voxels
+    size[a] += before + std::ceil(std::max(0.0, across) - 1e-6);
+    grid.origin -= series.direction.col(a) * series.spacing[a] * before;
+  }
   check_size(path, size);
   for (int a = 0; a < 3; ++a) grid.size[a] = static_cast<int>(size[a]);
   for (const Slice& slice : slices) {
     std::array<double, 2> shift{};
-    for (int a = 0; a < 2 && !upright; ++a)
+    for (int a = 0; a < 2 && !is.upright; ++a)
       shift[a] = series.direction.col(a).dot(slice.position - grid.origin) / series.spacing[a];
     grid.shift.push_back(shift);
   }
@@ -329,12 +408,27 @@ Grid grid_of(const std::string& path, const Series& series, bool allow_irregular
     const double share = (z - slices[i].along) / (slices[i + 1].along - slices[i].along);
     grid.planes.push_back({i, i + 1, std::clamp(share, 0.0, 1.0)});
   }
-  if (!even)
-    notes.push_back("slices that are missing or irregular (gaps of up to " + number(widest) +
+  return grid;
+}
+
+Grid grid_of(const std::string& path, const Series& series, bool allow_irregular,
+             std::vector<std::string>& notes) {
+  const std::size_t n = series.slices.size();
+  const Regularity is = regularity_of(path, series, allow_irregular);
+  if (is.even && is.upright) {
+    Grid grid;
+    grid.size = Index3(series.columns, series.rows, static_cast<int>(n));
+    grid.origin = series.slices[0].position;
+    grid.step = is.extent / static_cast<double>(n - 1);
+    return grid;
+  }
+  Grid grid = irregular_grid(path, series, is);
+  if (!is.even)
+    notes.push_back("slices that are missing or irregular (gaps of up to " + number(is.widest) +
                     " mm) were filled by resampling " + std::to_string(n) + " slices to " +
-                    number(planes) + " at " + number(grid.step) + " mm");
-  if (!upright)
-    notes.push_back("slices sheared by " + number(std::atan(shear.norm()) * 180 / M_PI) +
+                    std::to_string(grid.size.z()) + " at " + number(grid.step) + " mm");
+  if (!is.upright)
+    notes.push_back("slices sheared by " + number(std::atan(is.shear.norm()) * 180 / M_PI) +
                     " degrees (a tilted gantry) were resampled to a rectangular grid; its corners "
                     "outside them have the scan's lowest grey value");
   return grid;
@@ -477,8 +571,8 @@ std::unique_ptr<ScanSource> open_dicom(const std::string& path, const ScanReadOp
       throw InputError(path, "", "is one DICOM slice", "give the folder that holds the series");
     files.push_back(std::move(*header));
   }
-  Series series = ordered(path, files);
   std::vector<std::string> notes;
+  Series series = ordered(path, files, options, notes);
   const Grid grid = grid_of(path, series, options.allow_irregular, notes);
   check_bytes(path, series);
 
@@ -496,6 +590,9 @@ std::unique_ptr<ScanSource> open_dicom(const std::string& path, const ScanReadOp
   auto slices = std::make_unique<Slices>(path, as_stored, std::move(files), std::move(series),
                                          std::move(notes));
   if (grid.regular()) return slices;
+  check_voxels(path, frame.size);
+  require_memory(path, "size", 4.0 * static_cast<double>(as_stored.voxels() + frame.voxels()),
+                 "resample the series to even slices with another program first");
   const ImageVolume<float> all = read_all(*slices);
   ImageVolume<float> volume;
   static_cast<ImageFrame&>(volume) = frame;
@@ -506,8 +603,11 @@ std::unique_ptr<ScanSource> open_dicom(const std::string& path, const ScanReadOp
 std::vector<std::string> files_of_series(const std::string& folder, const std::string& wanted) {
   std::vector<Found> all = series_in(folder);
   const auto& files = all[chosen_series(folder, all, wanted)].files;
-  std::vector<std::string> names;
-  for (const auto& slice : ordered(folder, files).slices)
+  std::vector<std::string> names, notes;
+  ScanReadOptions any;  // the order alone counts here
+  any.allow_irregular = true;
+  any.spacing_mm = {1, 1, 1};
+  for (const auto& slice : ordered(folder, files, any, notes).slices)
     if (std::find(names.begin(), names.end(), slice.header->file) == names.end())
       names.push_back(slice.header->file);
   return names;

@@ -1,6 +1,8 @@
 #include "toothprep/tools/scan_files/image_checks.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <sstream>
 
 #include "toothprep/step/core/errors.h"
@@ -9,6 +11,7 @@ namespace toothprep::image {
 namespace {
 
 constexpr double kMaxVoxels = 2147483648.0;            // 2^31
+constexpr double kMaxAlongAxis = 1 << 20;              // voxels
 constexpr double kMinSpacing = 1e-3, kMaxSpacing = 5;  // mm
 const std::string kBlanks(" \t\r\n\0", 5);
 
@@ -34,23 +37,41 @@ std::string number(double value) {
   return text.str();
 }
 
+std::string count_text(double count) {
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "%.0f", std::clamp(count, -1e30, 1e30));
+  return text.data();
+}
+
+std::string size_of(const Index3& size) {
+  return std::to_string(size.x()) + " x " + std::to_string(size.y()) + " x " +
+         std::to_string(size.z());
+}
+
 void check_size(const std::string& path, const std::array<double, 3>& size) {
   const std::string text = number(size[0]) + " x " + number(size[1]) + " x " + number(size[2]);
   for (const double n : size)
-    if (!(n >= 2))
+    if (!(n >= 2 && n <= kMaxAlongAxis))
       throw InputError(path, "size", text + " voxels is not a volume",
                        "a scan needs three dimensions");
-  if (size[0] * size[1] * size[2] > kMaxVoxels)
-    throw InputError(path, "size", text + " voxels is more than 2^31", "crop or coarsen the scan");
+}
+
+void check_voxels(const std::string& path, const Index3& size) {
+  if (voxel_count(size) > kMaxVoxels)
+    throw InputError(path, "size", size_of(size) + " voxels is more than 2^31",
+                     "read a part of the scan with --roi, or coarsen it");
 }
 
 void place_volume(const std::string& path, ImageFrame& frame,
                   const std::optional<std::array<double, 3>>& spacing_mm) {
   if (spacing_mm) {
     const Vec3 given((*spacing_mm)[0], (*spacing_mm)[1], (*spacing_mm)[2]);
-    // The origin is so many voxels from the frame's zero along the image's axes; that count stays.
-    const Vec3 voxels = (frame.direction.transpose() * frame.origin).cwiseQuotient(frame.spacing);
-    frame.origin = frame.direction * given.cwiseProduct(voxels);
+    // The origin is so many voxels from the frame's zero along the image's axes; that count stays,
+    // unless the file's own spacing, which is to be replaced, is none.
+    if (frame.spacing.allFinite() && frame.spacing.minCoeff() > 0) {
+      const Vec3 voxels = (frame.direction.transpose() * frame.origin).cwiseQuotient(frame.spacing);
+      frame.origin = frame.direction * given.cwiseProduct(voxels);
+    }
     frame.spacing = given;
   }
   for (int axis = 0; axis < 3; ++axis)

@@ -1,10 +1,10 @@
 #include "toothprep/tools/scan_files/image_file.h"
 
 #include <filesystem>
-#include <fstream>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/tools/io/input_file.h"
 #include "toothprep/tools/scan_files/dicom_file.h"
 #include "toothprep/tools/scan_files/dicom_series.h"
 #include "toothprep/tools/scan_files/image_checks.h"
@@ -15,15 +15,12 @@ namespace fs = std::filesystem;
 
 std::unique_ptr<ScanSource> open_scan(const std::string& path, const ScanReadOptions& options) {
   std::error_code error;
-  const auto status = fs::status(path, error);
-  if (!fs::exists(status)) throw InputError(path, "", "does not exist");
-  if (fs::is_directory(status)) return image::open_dicom(path, options);
-  if (!fs::is_regular_file(status)) throw InputError(path, "", "is not a regular file");
-  if (!std::ifstream(path, std::ios::binary)) throw InputError(path, "", "cannot be read");
+  if (fs::is_directory(path, error)) return image::open_dicom(path, options);
+  const std::uint64_t size = InputFile(path).size();
   if (!options.series.empty())
     throw InputError(path, "series", "can only be chosen in a folder of DICOM files");
   if (image::is_volume_file(path)) {
-    if (fs::file_size(path, error) == 0) throw InputError(path, "", "is empty");
+    if (size == 0) throw InputError(path, "", "is empty");
     return image::open_volume_file(path, options.component, options.spacing_mm);
   }
   if (image::is_dicom_file(path)) return image::open_dicom(path, options);
@@ -78,10 +75,9 @@ std::string sha256_of_scan(const std::string& path, const std::string& series) {
   if (fs::is_directory(path, error)) {
     files = image::files_of_series(path, series);
   } else {
-    const std::string data =
-        image::is_volume_file(path) ? image::detached_data_of(path) : std::string();
-    if (data.empty()) return sha256_of_file(path);
-    files = {path, data};
+    if (image::is_volume_file(path)) files = image::detached_data_of(path);
+    if (files.empty()) return sha256_of_file(path);
+    files.insert(files.begin(), path);
   }
   Sha256 all;
   for (const auto& file : files) {

@@ -45,10 +45,12 @@ struct ScanReadOptions {
 // Headers are read and checked here, values slab by slab when they are asked for.
 //
 // Throws InputError for what can't be a scan: unreadable, truncated, empty, not 3-D, several
-// components, a spacing that is absurd (not in 0.001 .. 5 mm), a dimension of one voxel, more than
-// 2^31 voxels; in a folder: several series, slices missing, doubled or askew. Damaged voxel data,
-// NaN and infinity are told on reading. Sizes are checked against the bytes that are there before
-// memory is taken, so an error never depends on how much memory the machine has.
+// components, a spacing that is absurd (not in 0.001 .. 5 mm, no number, or stated twice with
+// different values), a dimension of one voxel, a header that promises more or fewer voxels than the
+// file holds; in a folder: several series, slices missing, doubled or askew, or stored otherwise
+// than the rest. Damaged voxel data, NaN, infinity, and more than 2^31 voxels that are to be read
+// are errors on reading. Sizes are checked against the bytes that are there, and against the memory
+// of the machine, before memory is taken.
 std::unique_ptr<ScanSource> open_scan(const std::string& path, const ScanReadOptions& options = {});
 
 // The whole of it. What was changed or assumed on the way is told in `notes`, a sentence each.
@@ -75,7 +77,7 @@ struct SeriesInfo {
 // The DICOM series in a folder, by series number, then UID. Throws InputError if there is none.
 std::vector<SeriesInfo> list_series(const std::string& folder);
 
-// SHA-256 of the file, or if its voxels are in another one, over the SHA-256 of both; of a folder:
+// SHA-256 of the file, or if its voxels are in others, over the SHA-256 of all; of a folder:
 // over the SHA-256 of the DICOM files of the series (see ScanReadOptions) in the order of their
 // positions, so that names don't count.
 std::string sha256_of_scan(const std::string& path, const std::string& series = {});

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/scan_files/image_checks.h"
 
 namespace toothprep {
@@ -30,6 +31,14 @@ class InMemory : public ScanSource {
  private:
   const ImageVolume<float>& volume_;
 };
+
+// Throws InputError if all voxels at once, with so many bytes each, are too much.
+void check_memory_for(const ScanSource& source, std::size_t bytes) {
+  image::check_voxels(source.path(), source.frame().size);
+  require_memory(source.path(), "size",
+                 static_cast<double>(source.frame().voxels()) * static_cast<double>(bytes),
+                 "read a part of it with --roi, or coarsen it");
+}
 
 struct Held {  // stands before the base that refers to it
   ImageVolume<float> volume;
@@ -74,6 +83,7 @@ void for_each_slab(ScanSource& source, int first, int last, const VisitSlab& vis
 void for_each_slab(ScanSource& source, const VisitSlab& visit,
                    const std::function<void(double)>& progress) {
   const Index3 size = source.frame().size;
+  image::check_voxels(source.path(), size);
   const std::size_t area = static_cast<std::size_t>(size.x()) * size.y();
   std::atomic<std::size_t> bad = 0;
   for_each_slab(
@@ -89,6 +99,7 @@ void for_each_slab(ScanSource& source, const VisitSlab& visit,
         visit(first, count, values);
       },
       progress);
+  source.check_rest();
   if (bad > 0)
     throw InputError(source.path(), "voxel data",
                      std::to_string(bad) + " of " + std::to_string(source.frame().voxels()) +
@@ -99,6 +110,7 @@ void for_each_slab(ScanSource& source, const VisitSlab& visit,
 ImageVolume<float> read_all(ScanSource& source) {
   ImageVolume<float> volume;
   static_cast<ImageFrame&>(volume) = source.frame();
+  check_memory_for(source, sizeof(float));
   volume.data.reserve(volume.voxels());
   const std::size_t area = volume.offset(0, 0, 1);
   for_each_slab(source, [&](int, int count, const float* values) {
@@ -110,6 +122,7 @@ ImageVolume<float> read_all(ScanSource& source) {
 ImageVolume<std::uint16_t> read_labels(ScanSource& source) {
   ImageVolume<std::uint16_t> labels;
   static_cast<ImageFrame&>(labels) = source.frame();
+  check_memory_for(source, sizeof(std::uint16_t));
   labels.data.resize(labels.voxels());
   const std::size_t area = labels.offset(0, 0, 1);
   std::mutex lock;

@@ -26,6 +26,10 @@ class ScanSource {
   // Throws InputError for values that are not there or cannot be decoded.
   virtual void read(int first, int count, float* values) = 0;
 
+  // Throws InputError if what was not read shows damage: the end of a compressed stream, with its
+  // checksum. For after the last slice that is read.
+  virtual void check_rest() {}
+
   // What was changed or assumed, a sentence each; complete once all slices were read.
   virtual std::vector<std::string> notes() const { return {}; }
 
@@ -49,7 +53,8 @@ std::unique_ptr<ScanSource> owning_source(ImageVolume<float> volume, std::string
 
 // visit(first, count, values) for all slices, upwards, in slabs of a few dozen MB; the calls' slabs
 // differ only in how the slices are grouped. `progress` is told the share that is read (0..1).
-// After the last slab throws InputError if a value was NaN or infinite.
+// Throws InputError for more than 2^31 voxels, and after the last slab if a value was NaN or infinite
+// or the rest of the file shows damage.
 using VisitSlab = std::function<void(int first, int count, const float* values)>;
 void for_each_slab(ScanSource& source, const VisitSlab& visit,
                    const std::function<void(double)>& progress = {});

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "toothprep/tools/scan_files/scan_source.h"
 
@@ -21,8 +22,7 @@ std::unique_ptr<ScanSource> open_volume_file(
     const std::string& path, std::optional<int> component,
     const std::optional<std::array<double, 3>>& spacing_mm);
 
-// Where the voxels are if the header (.nhdr, .mhd) says that they are in one other file; else
-// empty.
-std::string detached_data_of(const std::string& path);
+// Where the voxels are if the header (.nhdr, .mhd) says that they are in other files; else empty.
+std::vector<std::string> detached_data_of(const std::string& path);
 
 }  // namespace toothprep::image

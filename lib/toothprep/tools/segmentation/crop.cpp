@@ -9,6 +9,8 @@
 namespace toothprep {
 namespace {
 
+constexpr std::size_t kValuesAtOnce = std::size_t{1} << 23;  // 32 MB
+
 class Part : public ScanSource {
  public:
   Part(std::unique_ptr<ScanSource> whole, const VoxelRange& part)
@@ -19,14 +21,21 @@ class Part : public ScanSource {
   void read(int first, int count, float* values) override {
     const Index3 all = whole_->frame().size, size = frame().size;
     const std::size_t area = static_cast<std::size_t>(all.x()) * all.y();
-    slices_.resize(area * static_cast<std::size_t>(count));
-    whole_->read(first_.z() + first, count, slices_.data());
-    for (int k = 0; k < count; ++k)
-      for (int j = 0; j < size.y(); ++j, values += size.x())
-        std::copy_n(slices_.data() + static_cast<std::size_t>(k) * area +
-                        static_cast<std::size_t>(first_.y() + j) * all.x() + first_.x(),
-                    size.x(), values);
+    // Of wide slices, of which little is wanted, only few at a time.
+    const int most = std::max(1, static_cast<int>(kValuesAtOnce / area));
+    for (int done = 0; done < count; done += most) {
+      const int some = std::min(most, count - done);
+      slices_.resize(area * static_cast<std::size_t>(some));
+      whole_->read(first_.z() + first + done, some, slices_.data());
+      for (int k = 0; k < some; ++k)
+        for (int j = 0; j < size.y(); ++j, values += size.x())
+          std::copy_n(slices_.data() + static_cast<std::size_t>(k) * area +
+                          static_cast<std::size_t>(first_.y() + j) * all.x() + first_.x(),
+                      size.x(), values);
+    }
   }
+
+  void check_rest() override { whole_->check_rest(); }
 
   std::vector<std::string> notes() const override { return whole_->notes(); }
 

@@ -223,34 +223,20 @@ std::uint32_t choose_piece(const ImageVolume<float>& means, const Components& pa
   return static_cast<std::uint32_t>(classes.chosen) + 1;
 }
 
-}  // namespace
-
-Index3 block_for_classes(const Index3& size) {
-  int block = 1;
-  while (size.cast<double>().prod() / std::pow(block, 3) > kReducedVoxels) ++block;
-  return Index3::Constant(block);
+// Greys where the gradient is small.
+std::vector<float> homogeneous_greys(const Index3& size, const std::vector<float>& grey,
+                                     double range) {
+  const std::vector<float> slope = slope_of(size, grey);
+  const double small = std::max(0.05 * range, quantile(slope, 0.5));
+  std::vector<float> homogeneous;
+  for (std::size_t v = 0; v < grey.size(); ++v)
+    if (slope[v] <= small) homogeneous.push_back(grey[v]);
+  return homogeneous;
 }
 
-GreyClasses find_grey_classes(ImageVolume<float> means, const Index3& block,
-                              const Index3& scan_size, const GreyHints& hints) {
-  const Index3 size = means.size;
-  std::vector<float>& grey = means.data;
-  // A light smoothing tames noise; it widens borders, but those are left out by their slope.
-  smooth(size, grey, 0.7);
-  const double low = quantile(grey, 0.0005), high = quantile(grey, 0.9995);
-  if (!(high > low))
-    throw Error("no tooth can be told from its surroundings: the image is flat (grey value " +
-                number(low) + "); check that it is a scan of one tooth");
-  std::vector<float> homogeneous;
-  {
-    const std::vector<float> slope = slope_of(size, grey);
-    const double small = std::max(0.05 * (high - low), quantile(slope, 0.5));
-    for (std::size_t v = 0; v < grey.size(); ++v)
-      if (slope[v] <= small) homogeneous.push_back(grey[v]);
-  }
-
-  GreyClasses classes;
-  classes.darkest = low;
+// Typical greys and borders, but for what surrounds the tooth. The scan's greys lie in low .. high.
+void find_borders(const std::vector<float>& homogeneous, double low, double high,
+                  const GreyHints& hints, GreyClasses& classes) {
   if (hints.thresholds) {
     const auto& [dentin, enamel] = *hints.thresholds;
     if (!std::isfinite(dentin) || !std::isfinite(enamel) || !(dentin < enamel))
@@ -267,73 +253,112 @@ GreyClasses find_grey_classes(ImageVolume<float> means, const Index3& block,
     const double margin = 0.05 * (high - low);
     classes_from_peaks(homogeneous, low - margin, high + margin, classes);
   }
-  std::vector<float>().swap(homogeneous);
+}
 
-  // The tooth, roughly, and what is around it.
-  Mask tooth(grey.size());
-  for (std::size_t v = 0; v < tooth.size(); ++v) tooth[v] = grey[v] >= classes.threshold_dentin;
-  {
-    const Components parts = connected_components(size, tooth);
-    const std::uint32_t chosen = choose_piece(means, parts, hints, classes);
-    if (classes.pieces.size() > 1) {
-      classes.others_frame = means;
-      classes.others.resize(tooth.size());
-      for (std::size_t v = 0; v < tooth.size(); ++v)
-        classes.others[v] = parts.label[v] != 0 && parts.label[v] != chosen;
-    }
-    for (std::size_t v = 0; v < tooth.size(); ++v) tooth[v] = parts.label[v] == chosen;
+// The tooth, roughly: the chosen piece of what is at least as bright as dentin.
+Mask rough_tooth(const ImageVolume<float>& means, const GreyHints& hints, GreyClasses& classes) {
+  Mask tooth(means.data.size());
+  for (std::size_t v = 0; v < tooth.size(); ++v)
+    tooth[v] = means.data[v] >= classes.threshold_dentin;
+  const Components parts = connected_components(means.size, tooth);
+  const std::uint32_t chosen = choose_piece(means, parts, hints, classes);
+  if (classes.pieces.size() > 1) {
+    classes.others_frame = means;
+    classes.others.resize(tooth.size());
+    for (std::size_t v = 0; v < tooth.size(); ++v)
+      classes.others[v] = parts.label[v] != 0 && parts.label[v] != chosen;
   }
+  for (std::size_t v = 0; v < tooth.size(); ++v) tooth[v] = parts.label[v] == chosen;
+  return tooth;
+}
+
+// That it is neither a speck nor everything, and has enamel.
+void check_tooth(const ImageVolume<float>& means, const Mask& tooth, const GreyHints& hints,
+                 const GreyClasses& classes) {
   std::size_t tooth_voxels = 0, enamel_voxels = 0;
-  Index3 box_min = size, box_max = Index3::Constant(-1);
+  for (std::size_t v = 0; v < tooth.size(); ++v) {
+    tooth_voxels += tooth[v];
+    enamel_voxels += tooth[v] && means.data[v] >= classes.threshold_enamel;
+  }
+  const std::string at_or_above = " at or above grey value ";
+  if (static_cast<double>(tooth_voxels) < kFewestVoxels)
+    throw Error("no tooth can be told from its surroundings: the largest piece" + at_or_above +
+                number(classes.threshold_dentin) + " is " + std::to_string(tooth_voxels) +
+                " voxels; " + kRemedy);
+  if (static_cast<double>(tooth_voxels) > 0.95 * static_cast<double>(tooth.size()))
+    throw Error(
+        "no tooth can be told from its surroundings: " +
+        number(100.0 * static_cast<double>(tooth_voxels) / static_cast<double>(tooth.size())) +
+        " % of the scan is" + at_or_above + number(classes.threshold_dentin) + "; " + kRemedy);
+  if (!hints.thresholds && enamel_voxels < 60)
+    throw Error("no enamel can be told in the tooth: " + std::to_string(enamel_voxels) + " voxels" +
+                at_or_above + number(classes.threshold_enamel) +
+                "; give --thresholds DENTIN,ENAMEL");
+}
+
+// The tooth's box, with a block of slack, since a block's mean may hide a corner of the tooth.
+void find_box(const Index3& size, const Mask& tooth, const Index3& block, const Index3& scan_size,
+              GreyClasses& classes) {
+  Index3 low = size, high = Index3::Constant(-1);
   std::size_t v = 0;
   for (int k = 0; k < size.z(); ++k)
     for (int j = 0; j < size.y(); ++j)
       for (int i = 0; i < size.x(); ++i, ++v) {
         if (!tooth[v]) continue;
-        ++tooth_voxels;
-        enamel_voxels += grey[v] >= classes.threshold_enamel;
-        box_min = box_min.cwiseMin(Index3(i, j, k));
-        box_max = box_max.cwiseMax(Index3(i, j, k));
+        low = low.cwiseMin(Index3(i, j, k));
+        high = high.cwiseMax(Index3(i, j, k));
       }
-  if (static_cast<double>(tooth_voxels) < kFewestVoxels)
-    throw Error(
-        "no tooth can be told from its surroundings: the largest piece at or above grey value " +
-        number(classes.threshold_dentin) + " is " + std::to_string(tooth_voxels) + " voxels; " +
-        kRemedy);
-  if (static_cast<double>(tooth_voxels) > 0.95 * static_cast<double>(tooth.size()))
-    throw Error(
-        "no tooth can be told from its surroundings: " +
-        number(100.0 * static_cast<double>(tooth_voxels) / static_cast<double>(tooth.size())) +
-        " % of the scan is at or above grey value " + number(classes.threshold_dentin) + "; " +
-        kRemedy);
-  if (!hints.thresholds && enamel_voxels < 60)
-    throw Error("no enamel can be told in the tooth: " + std::to_string(enamel_voxels) +
-                " voxels at or above grey value " + number(classes.threshold_enamel) +
-                "; give --thresholds DENTIN,ENAMEL");
-  classes.touches_edge =
-      box_min.minCoeff() == 0 || ((box_max + Index3::Ones() - size).array() == 0).any();
-  // A block of slack, since a block's mean may hide a corner of the tooth.
-  classes.box_min = (box_min - Index3::Ones()).cwiseProduct(block).cast<double>().cwiseMax(0.0);
-  classes.box_max = (box_max + Index3::Constant(2))
+  classes.touches_edge = low.minCoeff() == 0 || ((high + Index3::Ones() - size).array() == 0).any();
+  classes.box_min = (low - Index3::Ones()).cwiseProduct(block).cast<double>().cwiseMax(0.0);
+  classes.box_max = (high + Index3::Constant(2))
                         .cwiseProduct(block)
                         .cast<double>()
                         .cwiseMin((scan_size - Index3::Ones()).cast<double>());
+}
 
-  // What lies above all that enamel's greys may be. A tenth of a mm^3 is no speck.
+// What lies above all that enamel's greys may be. A tenth of a mm^3 is no speck.
+void find_metal(const ImageVolume<float>& means, const Mask& tooth, GreyClasses& classes) {
   const double metal = classes.enamel + kMetalGap * (classes.enamel - classes.dentin);
-  std::size_t metal_voxels = 0;
-  for (std::size_t n = 0; n < tooth.size(); ++n) metal_voxels += tooth[n] && grey[n] > metal;
-  if (static_cast<double>(metal_voxels) * means.spacing.prod() > 0.1)
-    classes.threshold_metal = metal;
+  std::size_t voxels = 0;
+  for (std::size_t v = 0; v < tooth.size(); ++v) voxels += tooth[v] && means.data[v] > metal;
+  if (static_cast<double>(voxels) * means.spacing.prod() > 0.1) classes.threshold_metal = metal;
+}
 
-  Mask filled = tooth;
-  fill_enclosed(size, filled);
-  const std::vector<float> distance = distance_to(size, filled);
+// The median grey a few voxels off the tooth.
+double grey_around(const ImageVolume<float>& means, Mask tooth, const GreyClasses& classes) {
+  fill_enclosed(means.size, tooth);
+  const std::vector<float> distance = distance_to(means.size, tooth);
   std::vector<float> around;
-  for (std::size_t n = 0; n < distance.size(); ++n)
-    if (distance[n] >= 2.5f && distance[n] <= 6 && grey[n] < classes.threshold_dentin)
-      around.push_back(grey[n]);
-  classes.surroundings = around.size() >= 20 ? quantile(around, 0.5) : classes.below_dentin;
+  for (std::size_t v = 0; v < distance.size(); ++v)
+    if (distance[v] >= 2.5f && distance[v] <= 6 && means.data[v] < classes.threshold_dentin)
+      around.push_back(means.data[v]);
+  return around.size() >= 20 ? quantile(around, 0.5) : classes.below_dentin;
+}
+
+}  // namespace
+
+Index3 block_for_classes(const Index3& size) {
+  int block = 1;
+  while (size.cast<double>().prod() / std::pow(block, 3) > kReducedVoxels) ++block;
+  return Index3::Constant(block);
+}
+
+GreyClasses find_grey_classes(ImageVolume<float> means, const Index3& block,
+                              const Index3& scan_size, const GreyHints& hints) {
+  // A light smoothing tames noise; it widens borders, but those are left out by their slope.
+  smooth(means.size, means.data, 0.7);
+  const double low = quantile(means.data, 0.0005), high = quantile(means.data, 0.9995);
+  if (!(high > low))
+    throw Error("no tooth can be told from its surroundings: the image is flat (grey value " +
+                number(low) + "); check that it is a scan of one tooth");
+  GreyClasses classes;
+  classes.darkest = low;
+  find_borders(homogeneous_greys(means.size, means.data, high - low), low, high, hints, classes);
+  const Mask tooth = rough_tooth(means, hints, classes);
+  check_tooth(means, tooth, hints, classes);
+  find_box(means.size, tooth, block, scan_size, classes);
+  find_metal(means, tooth, classes);
+  classes.surroundings = grey_around(means, tooth, classes);
   if (!hints.thresholds) classes.threshold_dentin = 0.5 * (classes.surroundings + classes.dentin);
   return classes;
 }

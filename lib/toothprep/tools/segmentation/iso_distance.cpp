@@ -50,6 +50,11 @@ struct FlatCases {
   }
 };
 
+const FlatCases& flat_cases() {
+  static const FlatCases cases;
+  return cases;
+}
+
 constexpr int kLanes = 8;
 
 // Squared distances of points in a row along x to a triangle. Along the row all products are linear
@@ -111,90 +116,120 @@ struct Triangle {
   }
 };
 
+// The distances of the nodes in some planes: squares first, from the triangles of every cell within
+// reach, then their roots with a sign. A minimum over the same triangles, whatever the slabs.
+class Slab {
+ public:
+  Slab(const Index3& size, const std::vector<float>& field, float band, int first, int last,
+       std::vector<float>& distance)
+      : nx_(size.x()),
+        ny_(size.y()),
+        nz_(size.z()),
+        z0_(first),
+        z1_(last),
+        row_(static_cast<std::size_t>(nx_)),
+        plane_(row_ * static_cast<std::size_t>(ny_)),
+        corner_{0, 1, row_, row_ + 1, plane_, plane_ + 1, plane_ + row_, plane_ + row_ + 1},
+        band_(band),
+        field_(field.data()),
+        best_(distance.data() + static_cast<std::size_t>(first) * plane_) {}
+
+  void fill() {
+    std::fill(best_, best_ + static_cast<std::size_t>(z1_ - z0_) * plane_, band_ * band_);
+    const int reach = static_cast<int>(std::ceil(band_));
+    for (int k = std::max(0, z0_ - reach - 1); k < std::min(nz_ - 1, z1_ + reach); ++k)
+      for (int j = 0; j + 1 < ny_; ++j) visit_row(j, k);
+    const float* f = field_ + static_cast<std::size_t>(z0_) * plane_;
+    for (std::size_t v = 0; v < static_cast<std::size_t>(z1_ - z0_) * plane_; ++v) {
+      // Never zero: the sign must tell inside from outside.
+      const float d = std::max(std::sqrt(best_[v]), 1e-6f);
+      best_[v] = f[v] > 0 ? -d : d;
+    }
+  }
+
+ private:
+  // The cells along x.
+  void visit_row(int j, int k) {
+    const float* f =
+        field_ + static_cast<std::size_t>(k) * plane_ + static_cast<std::size_t>(j) * row_;
+    int left = 0;  // the pattern's bits of the corners at the cell's lower x
+    for (int c = 0; c < 8; c += 2) left |= (f[corner_[c]] > 0) << c;
+    for (int i = 0; i + 1 < nx_; ++i, ++f) {
+      int right = 0;
+      for (int c = 0; c < 8; c += 2) right |= (f[corner_[c + 1]] > 0) << c;
+      const int inside = left | right << 1;
+      left = right;
+      if (cases_.triangles[inside] > 0) visit_cell(Index3(i, j, k), f, inside);
+    }
+  }
+
+  void visit_cell(const Index3& cell, const float* f, int inside) {
+    std::array<Vec3f, 12> point;
+    for (int e = 0; e < 12; ++e) {
+      const int from = cases_.from[e], to = cases_.to[e];
+      if ((inside >> from & 1) == (inside >> to & 1)) continue;
+      const float fa = f[corner_[from]], fb = f[corner_[to]];
+      point[e] = Vec3f(from & 1, from >> 1 & 1, from >> 2);
+      point[e][e / 4] += fa / (fa - fb);
+    }
+    for (int t = 0; t < cases_.triangles[inside]; ++t) {
+      const auto* triple = &cases_.edges[inside][3 * t];
+      lower(cell, Triangle(point[triple[0]], point[triple[1]], point[triple[2]]));
+    }
+  }
+
+  // Of the nodes within the band of the ball around the triangle; others don't matter.
+  void lower(const Index3& cell, const Triangle& triangle) {
+    const int i = cell.x(), j = cell.y(), k = cell.z();
+    const float ball = band_ + triangle.radius;
+    const Vec3f& centre = triangle.centre;
+    const auto first = [](float x, int offset, int least) {
+      return std::max(least, offset + static_cast<int>(std::ceil(x)));
+    };
+    const auto last = [](float x, int offset, int most) {
+      return std::min(most, offset + static_cast<int>(std::floor(x)));
+    };
+    const int ya = first(centre.y() - ball, j, 0), yb = last(centre.y() + ball, j, ny_ - 1);
+    const int za = first(centre.z() - ball, k, z0_), zb = last(centre.z() + ball, k, z1_ - 1);
+    for (int z = za; z <= zb; ++z)
+      for (int y = ya; y <= yb; ++y) {
+        const float dy = static_cast<float>(y - j) - centre.y();
+        const float dz = static_cast<float>(z - k) - centre.z();
+        const float half2 = ball * ball - dy * dy - dz * dz;
+        if (half2 <= 0) continue;
+        const float half = std::sqrt(half2);
+        const int xb = last(centre.x() + half, i, nx_ - 1);
+        float* line =
+            best_ + static_cast<std::size_t>(z - z0_) * plane_ + static_cast<std::size_t>(y) * row_;
+        for (int x = first(centre.x() - half, i, 0); x <= xb; x += kLanes) {
+          std::array<float, kLanes> d2;
+          triangle.squared_distances(Vec3f(static_cast<float>(x - i), static_cast<float>(y - j),
+                                           static_cast<float>(z - k)),
+                                     d2);
+          const int lanes = std::min(kLanes, xb - x + 1);
+          for (int n = 0; n < lanes; ++n)
+            line[x + n] = std::min(line[x + n], d2[static_cast<std::size_t>(n)]);
+        }
+      }
+  }
+
+  const FlatCases& cases_ = flat_cases();
+  int nx_, ny_, nz_, z0_, z1_;
+  std::size_t row_, plane_;
+  std::array<std::size_t, 8> corner_;
+  float band_;
+  const float* field_;
+  float* best_;
+};
+
 }  // namespace
 
 std::vector<float> iso_distance(const Index3& size, const std::vector<float>& field, float band) {
-  static const FlatCases cases;
-  const int nx = size.x(), ny = size.y(), nz = size.z();
-  const std::size_t row = static_cast<std::size_t>(nx), plane = row * static_cast<std::size_t>(ny);
-  const std::array<std::size_t, 8> corner = {0,     1,         row,         row + 1,
-                                             plane, plane + 1, plane + row, plane + row + 1};
   std::vector<float> distance(field.size());
-  const int reach = static_cast<int>(std::ceil(band));
-  constexpr int kSlab = 16;
-  const int slabs = (nz + kSlab - 1) / kSlab;
-
-  // Each slab of the result is one task that visits all cells within reach: a minimum over the same
-  // triangles whatever the order of tasks.
-  tbb::parallel_for(0, slabs, [&](int slab) {
-    const int z0 = slab * kSlab, z1 = std::min(nz, z0 + kSlab);
-    float* best = distance.data() + static_cast<std::size_t>(z0) * plane;
-    std::fill(best, best + static_cast<std::size_t>(z1 - z0) * plane, band * band);
-    for (int k = std::max(0, z0 - reach - 1); k < std::min(nz - 1, z1 + reach); ++k)
-      for (int j = 0; j + 1 < ny; ++j) {
-        const float* f =
-            field.data() + static_cast<std::size_t>(k) * plane + static_cast<std::size_t>(j) * row;
-        int left = 0;  // the pattern's bits of the corners at the cell's lower x
-        for (int c = 0; c < 8; c += 2) left |= (f[corner[c]] > 0) << c;
-        for (int i = 0; i + 1 < nx; ++i, ++f) {
-          int right = 0;
-          for (int c = 0; c < 8; c += 2) right |= (f[corner[c + 1]] > 0) << c;
-          const int inside = left | right << 1;
-          left = right;
-          const int count = cases.triangles[inside];
-          if (count == 0) continue;
-          std::array<Vec3f, 12> point;
-          for (int e = 0; e < 12; ++e) {
-            const int from = cases.from[e], to = cases.to[e];
-            if ((inside >> from & 1) == (inside >> to & 1)) continue;
-            const float fa = f[corner[from]], fb = f[corner[to]];
-            point[e] = Vec3f(from & 1, from >> 1 & 1, from >> 2);
-            point[e][e / 4] += fa / (fa - fb);
-          }
-          for (int t = 0; t < count; ++t) {
-            const auto* triple = &cases.edges[inside][3 * t];
-            const Triangle triangle(point[triple[0]], point[triple[1]], point[triple[2]]);
-            // Nodes beyond the band from the ball around the triangle don't matter.
-            const float ball = band + triangle.radius;
-            const Vec3f& centre = triangle.centre;
-            const auto first = [](float x, int offset, int least) {
-              return std::max(least, offset + static_cast<int>(std::ceil(x)));
-            };
-            const auto last = [](float x, int offset, int most) {
-              return std::min(most, offset + static_cast<int>(std::floor(x)));
-            };
-            const int ya = first(centre.y() - ball, j, 0), yb = last(centre.y() + ball, j, ny - 1);
-            const int za = first(centre.z() - ball, k, z0), zb = last(centre.z() + ball, k, z1 - 1);
-            for (int z = za; z <= zb; ++z)
-              for (int y = ya; y <= yb; ++y) {
-                const float dy = static_cast<float>(y - j) - centre.y();
-                const float dz = static_cast<float>(z - k) - centre.z();
-                const float half2 = ball * ball - dy * dy - dz * dz;
-                if (half2 <= 0) continue;
-                const float half = std::sqrt(half2);
-                const int xb = last(centre.x() + half, i, nx - 1);
-                float* line = best + static_cast<std::size_t>(z - z0) * plane +
-                              static_cast<std::size_t>(y) * row;
-                for (int x = first(centre.x() - half, i, 0); x <= xb; x += kLanes) {
-                  std::array<float, kLanes> d2;
-                  triangle.squared_distances(
-                      Vec3f(static_cast<float>(x - i), static_cast<float>(y - j),
-                            static_cast<float>(z - k)),
-                      d2);
-                  const int lanes = std::min(kLanes, xb - x + 1);
-                  for (int n = 0; n < lanes; ++n)
-                    line[x + n] = std::min(line[x + n], d2[static_cast<std::size_t>(n)]);
-                }
-              }
-          }
-        }
-      }
-    const float* f = field.data() + static_cast<std::size_t>(z0) * plane;
-    for (std::size_t v = 0; v < static_cast<std::size_t>(z1 - z0) * plane; ++v) {
-      // Never zero: the sign must tell inside from outside.
-      const float d = std::max(std::sqrt(best[v]), 1e-6f);
-      best[v] = f[v] > 0 ? -d : d;
-    }
+  constexpr int kPlanes = 16;
+  tbb::parallel_for(0, (size.z() + kPlanes - 1) / kPlanes, [&](int slab) {
+    const int first = slab * kPlanes;
+    Slab(size, field, band, first, std::min(size.z(), first + kPlanes), distance).fill();
   });
   return distance;
 }

@@ -32,6 +32,8 @@ struct VoxelizeOptions {
   bool keep_greys = false;  // for the report's pictures
   // Told what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
+  // Told in advance what memory and time the work will take, if that is much.
+  std::function<void(const std::string&)> announce;
 };
 
 // What was found on the way, for the user.
@@ -47,8 +49,9 @@ struct VoxelizeReport {
 // if the tooth's voxels are about as small as the scan's; memory grows with the tooth's box (about
 // 30 bytes a voxel), not with the scan. Throws Error when no tooth can be told from its
 // surroundings (flat image, one class, nothing but noise) or when it looks like a segmentation,
-// naming what was found, or when the tooth would take more than 2^29 voxels. Provenance gets
-// threshold_dentin and threshold_enamel.
+// naming what was found, when its two brightest classes can't be dentin and enamel (plausibility.h),
+// or when the tooth would take more memory than there is. Provenance gets threshold_dentin and
+// threshold_enamel.
 LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
                            VoxelizeReport* report = nullptr);
 LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
@@ -56,7 +59,7 @@ LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions
 
 // Labels to tooth. `tissues` maps label values to tissues; label values not named are air. Every
 // named voxel counts, floating pieces too: volumes are those of the labels. Throws Error if a label
-// of the map does not occur, or when the tooth would take more than 2^29 voxels.
+// of the map does not occur, or when the tooth would take more memory than there is.
 LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
                              const std::map<std::uint16_t, Tissue>& tissues,
                              const VoxelizeOptions& options, VoxelizeReport* report = nullptr);

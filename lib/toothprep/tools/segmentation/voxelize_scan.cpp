@@ -7,6 +7,7 @@
 #include "toothprep/tools/segmentation/cavity.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
 #include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/plausibility.h"
 #include "toothprep/tools/segmentation/scan_survey.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 #include "toothprep/tools/segmentation/work_box.h"
@@ -391,7 +392,8 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   // that is coarser.
   const double blur = std::max(1.0, frame.spacing.maxCoeff() / options.voxel);
   const int margin = static_cast<int>(std::ceil(blur)) + static_cast<int>(kReach);
-  const WorkBox box = box_around(frame, classes.box_min, classes.box_max, options.voxel, margin);
+  const WorkBox box =
+      box_around(frame, classes.box_min, classes.box_max, options.voxel, margin, options.announce);
 
   tell("resampling", 0.35);
   if (!seen.greys)
@@ -422,6 +424,10 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
     fields.solid = solid_field(box, grey, rough, cavity, under, classes);
     tell("separating the tissues", 0.7);
     add_tissue_fields(box, grey, depth, cavity, under, classes, blur, fields);
+  }
+  if (!options.thresholds) {
+    const std::string why = implausible_layers(layers_of(box, fields), classes);
+    if (!why.empty()) throw Error(why);
   }
   Field().swap(grey);
 

@@ -3,12 +3,14 @@
 #include <cstdio>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/segmentation/iso_distance.h"
 
 namespace toothprep {
 namespace {
 
-constexpr double kMaxVoxels = 536870912.0;  // 2^29: about 30 bytes each while at work
+// While at work: measured as 22 to 29 bytes at the peak; the time on two cores of 2.3 GHz.
+constexpr double kBytesPerVoxel = 30, kSecondsPerVoxel = 4e-7;
 constexpr auto kBand = static_cast<float>(kBandVoxels);
 
 }  // namespace
@@ -20,7 +22,7 @@ std::string short_number(double value) {
 }
 
 WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
-                   double voxel, int margin) {
+                   double voxel, int margin, const Announce& announce) {
   if (!(voxel > 0 && voxel <= 10))
     throw Error("voxel size must lie in (0, 10] mm, got " + short_number(voxel));
   Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
@@ -33,14 +35,22 @@ WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& i
   }
   const Vec3 extent = high - low;
   const Vec3 count = extent / voxel + Vec3::Constant(2.0 * margin + 2);
-  if (!(count.prod() <= kMaxVoxels) || (low / voxel).cwiseAbs().maxCoeff() > 1e8)
-    throw Error(
-        "the tooth's box of " + short_number(extent.x()) + " x " + short_number(extent.y()) +
-        " x " + short_number(extent.z()) + " mm holds " + short_number(count.prod()) +
-        " voxels of " + short_number(voxel) + " mm, more than 2^29" +
-        (extent.maxCoeff() > 60 ? "; that is no tooth's size: give the scan's own voxel size with "
-                                  "--spacing-mm"
-                                : "; give a larger --voxel-mm"));
+  constexpr double kLargestTooth = 60;  // mm
+  if (!(low / voxel).allFinite() || (low / voxel).cwiseAbs().maxCoeff() > 1e8)
+    throw Error("the tooth lies " + short_number(low.cwiseAbs().maxCoeff()) +
+                " mm from the frame's zero, too far for voxels of " + short_number(voxel) + " mm");
+  try {
+    const std::string work =
+        announced_voxels(count.prod(), voxel, kBytesPerVoxel, kSecondsPerVoxel);
+    if (announce && !work.empty()) announce(work);
+  } catch (const Error& e) {
+    throw Error("the tooth's box of " + short_number(extent.x()) + " x " +
+                short_number(extent.y()) + " x " + short_number(extent.z()) +
+                " mm is too large: " + e.what() +
+                (extent.maxCoeff() > kLargestTooth
+                     ? "; it is no tooth's size: give the scan's own voxel size with --spacing-mm"
+                     : ""));
+  }
   WorkBox box;
   box.lattice.voxel = voxel;
   box.lattice.origin = Vec3::Constant(0.5 * voxel);

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -41,11 +42,12 @@ struct WorkBox {
 };
 
 // The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels.
-// Its lattice's
-// voxels lie side by side from the frame's zero: faces are multiples of `voxel`. Throws Error if
-// the voxel size is out of range or the box would hold more than 2^29 voxels.
+// Its lattice's voxels lie side by side from the frame's zero: faces are multiples of `voxel`. Tells
+// `announce` what the box will take if that is much. Throws Error if the voxel size is out of range,
+// or if the box would hold more than 2^29 voxels or take more memory than there is.
+using Announce = std::function<void(const std::string&)>;
 WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
-                   double voxel, int margin);
+                   double voxel, int margin, const Announce& announce = {});
 
 // Calls sample(offset, centre, points) for every output voxel, planes in parallel: n^3 points
 // spread evenly over the voxel, relative to its centre, both in (fractional) voxels of the image.
