@@ -1,27 +1,21 @@
 // toothprep voxelize: a CT scan, a segmentation or closed shells to a layered tooth.
-#include "toothprep/tools/segmentation/voxelize.h"
-
 #include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
-#include <filesystem>
-#include <future>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "command.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/core/hash.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/plain_text.h"
-#include "toothprep/tools/scan_files/image_file.h"
-#include "toothprep/tools/segmentation/crop.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/scan_report.h"
+#include "toothprep/tools/segmentation/voxelize_file.h"
 #include "toothprep/tools/shells/shells.h"
 
 namespace toothprep::app {
@@ -107,13 +101,6 @@ void print_presets() {
             << '\n';
 }
 
-void warn_placeholder(const Options& options, const Vec3& spacing) {
-  if (options.spacing_mm.empty() && spacing == Vec3::Ones())
-    warn(options.scan +
-         ": a spacing of 1 x 1 x 1 mm looks like a placeholder; give the true voxel size with "
-         "--spacing-mm");
-}
-
 std::vector<std::pair<Tissue, std::string>> parse_meshes(const std::vector<std::string>& texts) {
   std::vector<std::pair<Tissue, std::string>> meshes;
   for (const std::string& text : texts) {
@@ -130,12 +117,6 @@ std::vector<std::pair<Tissue, std::string>> parse_meshes(const std::vector<std::
   return meshes;
 }
 
-std::string joined(const std::vector<std::string>& texts, const char* separator) {
-  std::string all;
-  for (const auto& text : texts) all += (all.empty() ? "" : separator) + text;
-  return all;
-}
-
 std::function<void(const std::string&, double)> progress_line() {
   return [](const std::string& stage, double done) {
     if (done < 1)
@@ -145,12 +126,21 @@ std::function<void(const std::string&, double)> progress_line() {
   };
 }
 
-// Provenance, the file, a line on stderr, JSON on stdout.
-void finish(LayeredTooth tooth, const Options& options, const Common& common, Outputs& outputs,
-            const std::string& output, const std::string& source, const std::string& source_sha256,
+// Ends the progress line where an error is to follow it.
+template <class Work>
+auto with_line_ended(bool terminal, const Work& work) {
+  try {
+    return work();
+  } catch (...) {
+    if (terminal) std::cerr << '\n';
+    throw;
+  }
+}
+
+// The file, a line on stderr, JSON on stdout.
+void finish(const LayeredTooth& tooth, const Options& options, const Common& common,
+            Outputs& outputs, const std::string& output,
             std::chrono::steady_clock::time_point start, const nlohmann::json& more) {
-  tooth.provenance["source"] = source;
-  tooth.provenance["source_sha256"] = source_sha256;
   write_tooth(tooth, output);
   outputs.publish();
   const auto volumes = remaining_volumes_mm3(tooth);
@@ -164,8 +154,8 @@ void finish(LayeredTooth tooth, const Options& options, const Common& common, Ou
   if (!options.json) return;
   nlohmann::json json = {{"schema", "toothprep-voxelize"},
                          {"schema_version", 1},
-                         {"source", source},
-                         {"source_sha256", source_sha256},
+                         {"source", tooth.provenance.at("source")},
+                         {"source_sha256", tooth.provenance.at("source_sha256")},
                          {"tooth", options.output},
                          {"tooth_sha256", tooth_sha256(tooth)},
                          {"voxel_mm", options.voxel_mm},
@@ -184,58 +174,58 @@ void run_meshes(const Options& options, const Common& common) {
   const std::string output = outputs.file(options.output, {".vdb"});
   outputs.begin();
   const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
-  std::vector<TissueShell> shells;
-  std::vector<std::string> notes, names;
-  Sha256 all;
-  for (const auto& [tissue, file] : meshes) {
-    if (terminal) progress_line()("reading and checking", 0);
-    Shell shell = read_shell(file);
-    std::vector<std::string> faults = shell_faults(shell);
-    const bool faulty = !faults.empty();
-    if (faulty && options.repair) {
-      const auto repairs = repair_shell(shell);
-      if (!repairs.empty()) notes.push_back(file + ": repaired: " + joined(repairs, "; "));
-      faults = shell_faults(shell);
-    }
-    if (!faults.empty()) {
-      if (terminal) std::cerr << '\n';
-      throw InputError(file, "", joined(faults, "; "),
-                       options.repair ? "this can't be repaired without guessing; do it in a mesh "
-                                        "program"
-                                      : "--repair mends small faults");
-    }
-    const std::string one = sha256_of_file(file);
-    all.update(one.data(), one.size());
-    names.push_back(std::filesystem::path(file).filename().string());
-    shells.push_back({tissue, std::move(shell)});
-  }
   ShellOptions how;
   how.voxel = options.voxel_mm;
   if (terminal) how.progress = progress_line();
-  LayeredTooth tooth;
-  try {
-    tooth = voxelize_shells(shells, how, &notes);
-  } catch (const Error&) {
-    if (terminal) std::cerr << '\n';
-    throw;
-  }
+  how.announce = [&](const std::string& work) { say(common, work); };
+  std::vector<std::string> notes;
+  const LayeredTooth tooth = with_line_ended(
+      terminal, [&] { return voxelize_shell_files(meshes, options.repair, how, notes); });
   for (const auto& note : notes) warn(note);
-  finish(std::move(tooth), options, common, outputs, output, joined(names, ", "), all.hex(), start,
-         {{"notes", notes}});
+  finish(tooth, options, common, outputs, output, start, {{"notes", notes}});
+}
+
+ScanJob job_of(const Options& options) {
+  ScanJob job;
+  job.path = options.scan;
+  job.tissues = parse_labels(options.labels);
+  if (!options.spacing_mm.empty()) job.reading.spacing_mm = parse_spacing(options.spacing_mm);
+  job.reading.series = options.series;
+  job.reading.allow_irregular = options.allow_irregular;
+  if (options.component > 0) job.reading.component = options.component;
+  if (!options.roi.empty())
+    job.roi = Box{Vec3(options.roi[0], options.roi[2], options.roi[4]),
+                  Vec3(options.roi[1], options.roi[3], options.roi[5])};
+  job.how.voxel = options.voxel_mm;
+  if (!options.thresholds.empty())
+    job.how.thresholds = {options.thresholds[0], options.thresholds[1]};
+  if (!options.tooth.empty()) choose_tooth(options.tooth, job.how);
+  if (!options.hounsfield.empty()) {
+    const auto presets = read_hounsfield_presets(presets_file());
+    const HounsfieldPreset& preset = preset_named(presets, options.hounsfield);
+    job.how.typical = {preset.pulp_dentin, preset.dentin_enamel};
+  }
+  return job;
+}
+
+nlohmann::json greys_of(const Options& options, const Common& common,
+                        const VoxelizeReport& report) {
+  say(common,
+      format("thresholds %.4g (dentin), %.4g (enamel)%s; grey values: surroundings %.4g, dentin "
+             "%.4g, enamel %.4g",
+             report.threshold_dentin, report.threshold_enamel,
+             options.thresholds.empty() ? ", automatic" : "", report.surroundings, report.dentin,
+             report.enamel));
+  return {{"threshold_dentin", report.threshold_dentin},
+          {"threshold_enamel", report.threshold_enamel},
+          {"grey_surroundings", report.surroundings},
+          {"grey_dentin", report.dentin},
+          {"grey_enamel", report.enamel}};
 }
 
 void run_scan(const Options& options, const Common& common) {
   const auto start = std::chrono::steady_clock::now();
-  const auto tissues = parse_labels(options.labels);
-  ScanReadOptions reading;
-  if (!options.spacing_mm.empty()) reading.spacing_mm = parse_spacing(options.spacing_mm);
-  reading.series = options.series;
-  reading.allow_irregular = options.allow_irregular;
-  if (options.component > 0) reading.component = options.component;
-  std::optional<Box> roi;
-  if (!options.roi.empty())
-    roi = Box{Vec3(options.roi[0], options.roi[2], options.roi[4]),
-              Vec3(options.roi[1], options.roi[3], options.roi[5])};
+  ScanJob job = job_of(options);
   Outputs outputs(options.force);
   outputs.reads({options.scan});
   const std::string output = outputs.file(options.output, {".vdb"});
@@ -243,69 +233,20 @@ void run_scan(const Options& options, const Common& common) {
   outputs.begin();
   if (!report_folder.empty() && !run_script("plot-scan-report", {"--check"}))
     throw Error("plot-scan-report cannot run; install python3-numpy and python3-matplotlib");
-
-  VoxelizeOptions how;
-  how.voxel = options.voxel_mm;
-  if (!options.thresholds.empty()) how.thresholds = {options.thresholds[0], options.thresholds[1]};
-  if (!options.tooth.empty()) choose_tooth(options.tooth, how);
-  if (!options.hounsfield.empty()) {
-    const auto presets = read_hounsfield_presets(presets_file());
-    const HounsfieldPreset& preset = preset_named(presets, options.hounsfield);
-    how.typical = {preset.pulp_dentin, preset.dentin_enamel};
-  }
   const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
-  if (terminal) how.progress = progress_line();
-
-  LayeredTooth tooth;
-  VoxelizeReport report;
-  std::future<std::string> hash;  // beside the work: it takes about as long as reading
-  const std::string name =
-      std::filesystem::path(options.scan).lexically_normal().filename().empty()
-          ? std::filesystem::path(options.scan).lexically_normal().parent_path().filename().string()
-          : std::filesystem::path(options.scan).filename().string();
-  try {
-    reading.labels = !tissues.empty();
-    std::unique_ptr<ScanSource> scan = open_scan(options.scan, reading);
-    hash = std::async(std::launch::async,
-                      [&] { return sha256_of_scan(options.scan, options.series); });
-    warn_placeholder(options, scan->frame().spacing);
-    if (roi) scan = crop(std::move(scan), *roi);
-    if (tissues.empty()) {
-      how.keep_greys = !report_folder.empty();
-      tooth = voxelize_scan(*scan, how, &report);
-    } else {
-      const ImageVolume<std::uint16_t> labels = read_labels(*scan);
-      tooth = voxelize_labels(labels, tissues, how, &report);
-      report.notes = scan->notes();
-    }
-    if (!report_folder.empty()) write_scan_report(report_folder, tooth, report);
-  } catch (const InputError&) {
-    if (terminal) std::cerr << '\n';
-    throw;
-  } catch (const Error& e) {  // says what; the file is known here
-    if (terminal) std::cerr << '\n';
-    throw InputError(options.scan, "", e.what());
+  if (terminal) job.how.progress = progress_line();
+  job.how.announce = [&](const std::string& work) { say(common, options.scan + ": " + work); };
+  job.how.keep_greys = !report_folder.empty();
+  const auto [tooth, report] = with_line_ended(terminal, [&] { return voxelize_file(job); });
+  if (!report_folder.empty()) {
+    write_scan_report(report_folder, tooth, report);
+    if (!run_script("plot-scan-report", {report_folder})) throw Error("plot-scan-report failed");
   }
-  const std::string source_sha256 = hash.get();
-  if (!report_folder.empty() && !run_script("plot-scan-report", {report_folder}))
-    throw Error("plot-scan-report failed");
   for (const auto& note : report.notes) warn(options.scan + ": " + note);
   nlohmann::json more;
-  if (tissues.empty()) {
-    say(common,
-        format("thresholds %.4g (dentin), %.4g (enamel)%s; grey values: surroundings %.4g, dentin "
-               "%.4g, enamel %.4g",
-               report.threshold_dentin, report.threshold_enamel,
-               options.thresholds.empty() ? ", automatic" : "", report.surroundings, report.dentin,
-               report.enamel));
-    more = {{"threshold_dentin", report.threshold_dentin},
-            {"threshold_enamel", report.threshold_enamel},
-            {"grey_surroundings", report.surroundings},
-            {"grey_dentin", report.dentin},
-            {"grey_enamel", report.enamel}};
-  }
+  if (job.tissues.empty()) more = greys_of(options, common, report);
   more["notes"] = report.notes;
-  finish(std::move(tooth), options, common, outputs, output, name, source_sha256, start, more);
+  finish(tooth, options, common, outputs, output, start, more);
 }
 
 void run(const Options& options, const Common& common) {
@@ -377,7 +318,8 @@ void add_voxelize(CLI::App& app, const Common& common) {
          "UID or description")
       ->excludes("--mesh");
   sub->add_flag("--allow-irregular", options->allow_irregular,
-                "Resample missing or uneven slices and a tilted gantry instead of refusing them")
+                "Resample missing or uneven slices and a tilted gantry, and read slices that are "
+                "stored in different ways each by its own header, instead of refusing them")
       ->excludes("--mesh");
   sub->add_option("--component", options->component,
                   "Of an image with several components, or a 4-D one, the one to take (1 is the "

@@ -98,28 +98,22 @@ std::string announced_voxels(double voxels, double voxel_mm, double bytes_per_vo
   constexpr double kMostVoxels = 0x1p29, kLittleBytes = 1e9, kLittleTime = 30;  // bytes, s
   const double bytes = voxels * bytes_per_voxel, seconds = voxels * seconds_per_voxel;
   const auto available = static_cast<double>(available_memory());
-  const auto text_of = [](double value) {
-    std::ostringstream text;
-    text.precision(3);
-    text << value;
-    return text.str();
-  };
   const std::string what =
-      text_of(voxels / 1e6) + " million voxels of " + text_of(voxel_mm) + " mm";
+      fmt::format("{:.3g} million voxels of {:.3g} mm", voxels / 1e6, voxel_mm);
   const double factor = std::max(voxels / kMostVoxels, bytes / available);
   if (factor > 1) {
     // A tenth more than it takes, in two digits.
     const double fits = 1.1 * voxel_mm * std::cbrt(factor);
     const double digit = std::pow(10.0, std::floor(std::log10(fits)) - 1);
-    throw Error(what +
-                (voxels > kMostVoxels ? " are more than 2^29"
-                                      : " take about " + size_text(bytes) + " of memory, " +
-                                            size_text(available) + " are available") +
-                "; --voxel-mm " + text_of(std::ceil(fits / digit) * digit) + " would fit");
+    const std::string why = voxels > kMostVoxels
+                                ? "are more than 2^29"
+                                : fmt::format("take about {} of memory, {} are available",
+                                              size_text(bytes), size_text(available));
+    throw Error(fmt::format("{} {}; --voxel-mm {:.3g} would fit", what, why,
+                            std::ceil(fits / digit) * digit));
   }
   if (bytes < kLittleBytes && seconds < kLittleTime) return {};
-  return what + ": about " + size_text(bytes) + " of memory and " + text_of(std::round(seconds)) +
-         " s";
+  return fmt::format("{}: about {} of memory and {:.0f} s", what, size_text(bytes), seconds);
 }
 
 std::string size_text(double bytes) {

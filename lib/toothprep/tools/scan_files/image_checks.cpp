@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <cstdint>
 #include <sstream>
 
 #include "toothprep/step/core/errors.h"
@@ -38,9 +38,7 @@ std::string number(double value) {
 }
 
 std::string count_text(double count) {
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "%.0f", std::clamp(count, -1e30, 1e30));
-  return text.data();
+  return std::to_string(static_cast<std::uint64_t>(std::clamp(count, 0.0, 1e18)));
 }
 
 std::string size_of(const Index3& size) {

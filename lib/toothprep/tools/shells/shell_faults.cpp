@@ -341,9 +341,10 @@ std::vector<std::string> shell_faults(const Shell& shell) {
   return faults;
 }
 
-std::vector<std::string> repair_shell(Shell& shell) {
-  std::vector<std::string> notes;
-  // Faces that bound nothing: two corners in one point, or a face given again.
+namespace {
+
+// Faces that bound nothing go: two corners in one point, or a face given again. Returns how many.
+std::size_t remove_idle_faces(Shell& shell) {
   const auto first = first_alike(shell);
   Shell kept;
   kept.file = shell.file;
@@ -354,10 +355,81 @@ std::vector<std::string> repair_shell(Shell& shell) {
     kept.triangles.push_back(v);
     kept.face.push_back(shell.face[t]);
   }
-  if (const std::size_t gone = shell.triangles.size() - kept.triangles.size(); gone > 0) {
-    notes.push_back("removed " + count_of(gone, "face", "faces") + " without area or given twice");
-    shell = std::move(kept);
+  const std::size_t gone = shell.triangles.size() - kept.triangles.size();
+  if (gone > 0) shell = std::move(kept);
+  return gone;
+}
+
+// Holes whose rim is short, one note each.
+std::vector<std::string> fill_holes(Mesh& mesh) {
+  std::vector<std::string> notes;
+  std::vector<Mesh::Halfedge_index> rims;
+  pmp::extract_boundary_cycles(mesh, std::back_inserter(rims));
+  for (const auto start : rims) {
+    double length = 0;
+    Vec3 middle = Vec3::Zero();
+    int count = 0;
+    for (const auto h : CGAL::halfedges_around_face(start, mesh)) {
+      const Point &p = mesh.point(mesh.source(h)), &q = mesh.point(mesh.target(h));
+      length += std::sqrt(CGAL::squared_distance(p, q));
+      middle += Vec3(p.x(), p.y(), p.z());
+      ++count;
+    }
+    if (length >= kLongestRim) continue;
+    std::vector<Mesh::Face_index> filled;
+    pmp::triangulate_hole(mesh, start, std::back_inserter(filled));
+    if (filled.empty()) continue;
+    notes.push_back("filled a hole of " + std::to_string(count) + " edges near " +
+                    at(middle / count) + " with " + count_of(filled.size(), "face", "faces"));
   }
+  return notes;
+}
+
+std::size_t remove_flat_faces(Mesh& mesh) {
+  std::size_t flat = 0;
+  for (const auto f : mesh.faces())
+    flat += static_cast<std::size_t>(pmp::is_degenerate_triangle_face(f, mesh));
+  if (flat > 0) pmp::remove_degenerate_faces(mesh);
+  return flat;
+}
+
+// Of a closed mesh without intersections. Returns how many faces were turned.
+std::size_t turn_parts_outward(Mesh& mesh) {
+  if (!CGAL::is_closed(mesh) || pmp::does_self_intersect<CGAL::Sequential_tag>(mesh)) return 0;
+  mesh.collect_garbage();
+  const auto wrong = inside_out(mesh);
+  if (!wrong.empty()) pmp::orient_to_bound_a_volume(mesh);
+  return wrong.size();
+}
+
+// Merges the points of touching sheets.
+Shell shell_of(Mesh& mesh, const std::string& file) {
+  mesh.collect_garbage();
+  Shell shell;
+  shell.file = file;
+  std::map<std::array<double, 3>, std::uint32_t> number;
+  for (const auto f : mesh.faces()) {
+    std::array<std::uint32_t, 3> triangle;
+    const auto v = corners(mesh, f);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Point& p = mesh.point(Mesh::Vertex_index(v[c]));
+      const auto [place, fresh] = number.try_emplace(
+          {p.x(), p.y(), p.z()}, static_cast<std::uint32_t>(shell.points.size()));
+      if (fresh) shell.points.emplace_back(p.x(), p.y(), p.z());
+      triangle[c] = place->second;
+    }
+    shell.triangles.push_back(triangle);
+    shell.face.push_back(static_cast<std::uint32_t>(shell.triangles.size()));
+  }
+  return shell;
+}
+
+}  // namespace
+
+std::vector<std::string> repair_shell(Shell& shell) {
+  std::vector<std::string> notes;
+  if (const std::size_t gone = remove_idle_faces(shell); gone > 0)
+    notes.push_back("removed " + count_of(gone, "face", "faces") + " without area or given twice");
 
   auto edges = half_edges(shell);
   bool crowded = false, open = false;
@@ -375,66 +447,15 @@ std::vector<std::string> repair_shell(Shell& shell) {
   }
 
   Mesh mesh = meshed(shell, edges).mesh;
-  bool changed = false;
-  if (open) {
-    std::vector<Mesh::Halfedge_index> rims;
-    pmp::extract_boundary_cycles(mesh, std::back_inserter(rims));
-    for (const auto start : rims) {
-      double length = 0;
-      Vec3 middle = Vec3::Zero();
-      int count = 0;
-      for (const auto h : CGAL::halfedges_around_face(start, mesh)) {
-        const Point &p = mesh.point(mesh.source(h)), &q = mesh.point(mesh.target(h));
-        length += std::sqrt(CGAL::squared_distance(p, q));
-        middle += Vec3(p.x(), p.y(), p.z());
-        ++count;
-      }
-      if (length >= kLongestRim) continue;
-      std::vector<Mesh::Face_index> filled;
-      pmp::triangulate_hole(mesh, start, std::back_inserter(filled));
-      if (filled.empty()) continue;
-      changed = true;
-      notes.push_back("filled a hole of " + std::to_string(count) + " edges near " +
-                      at(middle / count) + " with " + count_of(filled.size(), "face", "faces"));
-    }
-  }
-  std::size_t flat = 0;
-  for (const auto f : mesh.faces())
-    flat += static_cast<std::size_t>(pmp::is_degenerate_triangle_face(f, mesh));
-  if (flat > 0) {
-    pmp::remove_degenerate_faces(mesh);
-    changed = true;
+  const std::size_t before = notes.size();
+  if (open)
+    for (std::string& note : fill_holes(mesh)) notes.push_back(std::move(note));
+  if (const std::size_t flat = remove_flat_faces(mesh); flat > 0)
     notes.push_back("removed " + count_of(flat, "face", "faces") + " without area");
-  }
-  if (CGAL::is_closed(mesh) && !pmp::does_self_intersect<CGAL::Sequential_tag>(mesh)) {
-    mesh.collect_garbage();
-    const auto wrong = inside_out(mesh);
-    if (!wrong.empty()) {
-      pmp::orient_to_bound_a_volume(mesh);
-      changed = true;
-      notes.push_back("turned " + count_of(wrong.size(), "face", "faces") +
-                      " of parts that were inside out");
-    }
-  }
-  if (!changed) return notes;
-  mesh.collect_garbage();
-  Shell repaired;
-  repaired.file = shell.file;
-  std::map<std::array<double, 3>, std::uint32_t> number;  // merges the points of touching sheets
-  for (const auto f : mesh.faces()) {
-    std::array<std::uint32_t, 3> triangle;
-    const auto v = corners(mesh, f);
-    for (std::size_t c = 0; c < 3; ++c) {
-      const Point& p = mesh.point(Mesh::Vertex_index(v[c]));
-      const auto [place, fresh] = number.try_emplace(
-          {p.x(), p.y(), p.z()}, static_cast<std::uint32_t>(repaired.points.size()));
-      if (fresh) repaired.points.emplace_back(p.x(), p.y(), p.z());
-      triangle[c] = place->second;
-    }
-    repaired.triangles.push_back(triangle);
-    repaired.face.push_back(static_cast<std::uint32_t>(repaired.triangles.size()));
-  }
-  shell = std::move(repaired);
+  if (const std::size_t wrong = turn_parts_outward(mesh); wrong > 0)
+    notes.push_back("turned " + count_of(wrong, "face", "faces") +
+                    " of parts that were inside out");
+  if (notes.size() > before) shell = shell_of(mesh, shell.file);
   return notes;
 }
 

@@ -27,6 +27,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "toothprep/step/core/tissue.h"
@@ -67,12 +68,22 @@ struct ShellOptions {
   double voxel = 0.1;  // D, mm
   // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
+  // Told in advance what memory and time the work will take, if that is much.
+  std::function<void(const std::string&)> announce;
 };
 
 // The tooth of shells without faults (not checked again), each of another tissue; see above.
 // `notes` gets what a user ought to look at. Throws Error if there is no shell, a tissue is given
-// twice, or the tooth would take more than 2^29 voxels.
+// twice, or the tooth would take more than 2^29 voxels or more memory than there is.
 LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells, const ShellOptions& options,
                              std::vector<std::string>* notes = nullptr);
+
+// The tooth of the files, each of another tissue; `repair`: by repair_shell() where there are faults.
+// `notes` gets what was repaired too. Provenance gets source (the files' names) and source_sha256
+// (over the SHA-256 of each). Throws InputError for a shell with faults, as read_shell() and as
+// voxelize_shells() do.
+LayeredTooth voxelize_shell_files(const std::vector<std::pair<Tissue, std::string>>& files,
+                                  bool repair, const ShellOptions& options,
+                                  std::vector<std::string>& notes);
 
 }  // namespace toothprep

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/shells/shells.h"
 
 namespace toothprep {
@@ -317,6 +318,113 @@ ShellBox box_of(const Shell& shell) {
   return box;
 }
 
+// The shells from the innermost out.
+struct Nest {
+  std::vector<const Shell*> shell;
+  std::vector<Tissue> tissue;
+  std::vector<ShellBox> box;
+  ShellBox all;
+};
+
+Nest nest_of(const std::vector<TissueShell>& shells) {
+  Nest nest;
+  for (const Tissue t : kInnermostFirst)
+    for (const TissueShell& s : shells)
+      if (s.tissue == t) {
+        if (!nest.tissue.empty() && nest.tissue.back() == t)
+          throw Error("two shells of " + std::string(kTissueNames[tissue_index(t)]) +
+                      " are given; one shell may have several parts");
+        nest.shell.push_back(&s.shell);
+        nest.tissue.push_back(t);
+      }
+  if (nest.shell.empty()) throw Error("a tooth needs at least one shell");
+  for (const Shell* s : nest.shell) nest.box.push_back(box_of(*s));
+  nest.all = nest.box[0];
+  for (const ShellBox& b : nest.box) {
+    nest.all.low = nest.all.low.cwiseMin(b.low);
+    nest.all.high = nest.all.high.cwiseMax(b.high);
+  }
+  return nest;
+}
+
+// What the tooth stands on: voxel faces at multiples of the voxel size.
+Lattice lattice_of(const Nest& nest, const ShellOptions& options) {
+  const auto& [low, high] = nest.all;
+  if (!(options.voxel > 0) ||
+      low.cwiseAbs().cwiseMax(high.cwiseAbs()).maxCoeff() / options.voxel > 1e9)
+    throw Error(
+        "the shells lie too far from the frame's zero for voxels of this size; use a "
+        "larger --voxel-mm");
+  // Measured, per voxel of the box: 20 bytes with one shell, and 4 more with each other.
+  const double bytes = 16 + 4.0 * static_cast<double>(nest.shell.size());
+  constexpr double kSeconds = 2e-7;  // on two cores of 2.3 GHz
+  const std::string work =
+      announced_voxels(((high - low) / options.voxel).prod(), options.voxel, bytes, kSeconds);
+  if (options.announce && !work.empty()) options.announce(work);
+  Lattice lattice;
+  lattice.voxel = options.voxel;
+  lattice.origin = Vec3::Constant(0.5 * options.voxel);
+  return lattice;
+}
+
+using Depths = std::array<float, kTissueCount>;  // signed distance to each shell at a voxel
+
+// Where two shells touch (see the header) their border moves to the middle of the gap.
+Depths without_gaps(const std::vector<LevelSet>& distance, const Index3& i, const Depths& drawn,
+                    float gap, float band) {
+  Depths phi = drawn;
+  for (std::size_t s = 0; s < distance.size(); ++s)
+    for (std::size_t t = s + 1; t < distance.size(); ++t) {
+      const float sum = drawn[s] + drawn[t];
+      if (sum <= 0 || sum >= gap || std::max(std::abs(drawn[s]), std::abs(drawn[t])) >= band)
+        continue;
+      if (gradient_direction(distance[s], i).dot(gradient_direction(distance[t], i)) > -0.5)
+        continue;
+      const float half = 0.5F * (drawn[s] - drawn[t]);
+      phi[s] = half;
+      phi[t] = -half;
+    }
+  return phi;
+}
+
+// The voxel belongs to the innermost shell around it. `outside`: distance to their union;
+// `depth`: to its surface.
+ToothSample sample_of(const std::vector<Tissue>& tissue, const Depths& phi, float outside,
+                      float depth, float band) {
+  ToothSample sample;
+  sample.tissue.fill(band);
+  float inner = band;  // union of the shells further in
+  for (std::size_t s = 0; s < tissue.size(); ++s) {
+    const float own = std::max(phi[s], -inner);
+    if (tissue[s] != Tissue::kOther)
+      sample.tissue[static_cast<std::size_t>(tissue_index(tissue[s]))] = own;
+    if (phi[s] <= 0 && sample.label == Tissue::kAir) sample.label = tissue[s];
+    inner = std::min(inner, phi[s]);
+  }
+  sample.solid = sample.label == Tissue::kAir ? std::max(outside, 0.0F) : -depth;
+  return sample;
+}
+
+void add_notes(const Nest& nest, double voxel, const LayeredTooth& tooth,
+               std::vector<std::string>& notes) {
+  const auto& box = nest.box;
+  for (std::size_t s = 0; s < box.size(); ++s) {
+    bool touches = box.size() == 1;
+    for (std::size_t t = 0; t < box.size() && !touches; ++t)
+      touches = t != s && (box[s].low.array() <= box[t].high.array() + voxel).all() &&
+                (box[t].low.array() <= box[s].high.array() + voxel).all();
+    if (!touches)
+      notes.push_back(nest.shell[s]->file +
+                      ": touches none of the other shells; do they share a frame?");
+  }
+  const auto volumes = remaining_volumes_mm3(tooth);
+  for (std::size_t s = 0; s < box.size(); ++s)
+    if (!(volumes[static_cast<std::size_t>(tissue_index(nest.tissue[s]))] > 0))
+      notes.push_back(nest.shell[s]->file +
+                      ": nothing of it is left: it lies inside the shells further in, or is "
+                      "thinner than a voxel");
+}
+
 }  // namespace
 
 LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells, const ShellOptions& options,
@@ -324,109 +432,45 @@ LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells, const Shell
   const auto report = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
-  std::vector<const Shell*> shell;
-  std::vector<Tissue> tissue;
-  for (const Tissue t : kInnermostFirst)
-    for (const TissueShell& s : shells)
-      if (s.tissue == t) {
-        if (!tissue.empty() && tissue.back() == t)
-          throw Error("two shells of " + std::string(kTissueNames[tissue_index(t)]) +
-                      " are given; one shell may have several parts");
-        shell.push_back(&s.shell);
-        tissue.push_back(t);
-      }
-  if (shell.empty()) throw Error("a tooth needs at least one shell");
-
-  std::vector<ShellBox> box;
-  for (const Shell* s : shell) box.push_back(box_of(*s));
-  ShellBox all = box[0];
-  for (const ShellBox& b : box) {
-    all.low = all.low.cwiseMin(b.low);
-    all.high = all.high.cwiseMax(b.high);
-  }
-  Lattice lattice;
-  lattice.voxel = options.voxel;
-  lattice.origin = Vec3::Constant(0.5 * options.voxel);
-  if (!(options.voxel > 0) || ((all.high - all.low) / options.voxel).prod() > 0x1p29 ||
-      all.low.cwiseAbs().cwiseMax(all.high.cwiseAbs()).maxCoeff() / options.voxel > 1e9)
-    throw Error("the tooth would take more than 2^29 voxels; use a larger --voxel-mm");
+  const Nest nest = nest_of(shells);
+  const Lattice lattice = lattice_of(nest, options);
   constexpr int kMargin = 4;  // voxels: the band and one more
-  const Index3 lower = lattice.to_index(all.low).array().floor().cast<int>() - kMargin;
-  const Index3 upper = lattice.to_index(all.high).array().ceil().cast<int>() + kMargin;
+  const Index3 lower = lattice.to_index(nest.all.low).array().floor().cast<int>() - kMargin;
+  const Index3 upper = lattice.to_index(nest.all.high).array().ceil().cast<int>() + kMargin;
 
   const LevelSet empty = make_empty_tooth(lattice, lower, upper).solid;
   std::vector<LevelSet> distance;
-  const double parts = static_cast<double>(shell.size()) + 1;
-  for (std::size_t s = 0; s < shell.size(); ++s) {
-    report("measuring distances", static_cast<double>(s) / parts);
-    distance.push_back(signed_distance(*shell[s], lattice, empty));
+  const double parts = static_cast<double>(nest.shell.size()) + 1;
+  for (const Shell* shell : nest.shell) {
+    report("measuring distances", static_cast<double>(distance.size()) / parts);
+    distance.push_back(signed_distance(*shell, lattice, empty));
   }
   report("joining the shells", (parts - 1) / parts);
   Exposed exposed(distance, lattice);
-  for (std::size_t s = 0; s < shell.size(); ++s) exposed.add(*shell[s], s);
+  for (std::size_t s = 0; s < nest.shell.size(); ++s) exposed.add(*nest.shell[s], s);
   const Bins bins = bins_of(exposed.triangles, lattice, empty);
 
   const auto gap = static_cast<float>(0.5 * options.voxel);
+  const float band = empty.background();
   LayeredTooth tooth =
       build_tooth_by_brick(lattice, lower, upper, [&](const Index3& first, ToothSample* samples) {
         const auto b = static_cast<std::size_t>(empty.brick_index(first.x(), first.y(), first.z()));
-        const float band = empty.background();
         std::array<float, kBrickVoxels> depth;
         brick_distances(exposed.triangles, bins, b, lattice, first, depth.data());
         for (int v = 0; v < kBrickVoxels; ++v) {
+          Depths drawn{};
+          float outside = band;
+          for (std::size_t s = 0; s < distance.size(); ++s) {
+            drawn[s] = distance[s].brick(b)[v];
+            outside = std::min(outside, drawn[s]);
+          }
           const Index3 i = first + Index3(v >> 6, v >> 3 & 7, v & 7);
-          std::array<float, kTissueCount> phi;
-          float outside = band;  // distance to the union, if this is outside of it
-          for (std::size_t s = 0; s < distance.size(); ++s) {
-            phi[s] = distance[s].brick(b)[v];
-            outside = std::min(outside, phi[s]);
-          }
-          const std::array<float, kTissueCount> drawn = phi;
-          for (std::size_t s = 0; s < distance.size(); ++s)
-            for (std::size_t t = s + 1; t < distance.size(); ++t) {
-              const float sum = drawn[s] + drawn[t];
-              if (sum <= 0 || sum >= gap ||
-                  std::max(std::abs(drawn[s]), std::abs(drawn[t])) >= band)
-                continue;
-              if (gradient_direction(distance[s], i).dot(gradient_direction(distance[t], i)) > -0.5)
-                continue;
-              const float half = 0.5F * (drawn[s] - drawn[t]);
-              phi[s] = half;
-              phi[t] = -half;
-            }
-          ToothSample& sample = samples[v];
-          sample = {};
-          sample.tissue.fill(band);
-          float inner = band;  // union of the shells further in
-          for (std::size_t s = 0; s < distance.size(); ++s) {
-            const float own = std::max(phi[s], -inner);
-            if (tissue[s] != Tissue::kOther)
-              sample.tissue[static_cast<std::size_t>(tissue_index(tissue[s]))] = own;
-            if (phi[s] <= 0 && sample.label == Tissue::kAir) sample.label = tissue[s];
-            inner = std::min(inner, phi[s]);
-          }
-          sample.solid = sample.label == Tissue::kAir ? std::max(outside, 0.0F)
-                                                      : -depth[static_cast<std::size_t>(v)];
+          const Depths phi = without_gaps(distance, i, drawn, gap, band);
+          samples[v] =
+              sample_of(nest.tissue, phi, outside, depth[static_cast<std::size_t>(v)], band);
         }
       });
-
-  if (notes) {
-    for (std::size_t s = 0; s < shell.size(); ++s) {
-      bool touches = shell.size() == 1;
-      for (std::size_t t = 0; t < shell.size() && !touches; ++t)
-        touches = t != s && (box[s].low.array() <= box[t].high.array() + options.voxel).all() &&
-                  (box[t].low.array() <= box[s].high.array() + options.voxel).all();
-      if (!touches)
-        notes->push_back(shell[s]->file +
-                         ": touches none of the other shells; do they share a frame?");
-    }
-    const auto volumes = remaining_volumes_mm3(tooth);
-    for (std::size_t s = 0; s < shell.size(); ++s)
-      if (!(volumes[static_cast<std::size_t>(tissue_index(tissue[s]))] > 0))
-        notes->push_back(shell[s]->file +
-                         ": nothing of it is left: it lies inside the shells further in, or is "
-                         "thinner than a voxel");
-  }
+  if (notes) add_notes(nest, options.voxel, tooth, *notes);
   report("done", 1);
   return tooth;
 }

@@ -1,0 +1,30 @@
+// A scan or a segmentation on disk to a layered tooth: read, cut, voxelized, with its source named.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "toothprep/tools/scan_files/image_file.h"
+#include "toothprep/tools/segmentation/voxelize.h"
+
+namespace toothprep {
+
+struct ScanJob {
+  std::string path;
+  ScanReadOptions reading;                  // `labels` follows from the map below
+  std::optional<Box> roi;                   // mm, W: only this part of the scan
+  std::map<std::uint16_t, Tissue> tissues;  // of label values; empty for a grey scan
+  VoxelizeOptions how;
+};
+
+struct VoxelizedScan {
+  LayeredTooth tooth;  // provenance: also source (the name) and source_sha256 (see sha256_of_scan)
+  VoxelizeReport report;
+};
+
+// Throws InputError that names the file.
+VoxelizedScan voxelize_file(const ScanJob& job);
+
+}  // namespace toothprep
