@@ -335,13 +335,13 @@ TEST_F(DamagedShells, WhatIsNoFileOrOfAnotherKindIsRefused) {
       }
     fs::remove(folder_ / name);
     fs::create_directory(folder_ / name);
-    EXPECT_THAT(refusal((folder_ / name).string()), HasSubstr("is not a file"));
+    EXPECT_THAT(refusal((folder_ / name).string()), HasSubstr("is a folder"));
     fs::remove(folder_ / name);
     fs::create_symlink("/dev/zero", folder_ / name);
-    EXPECT_THAT(refusal((folder_ / name).string()), HasSubstr("is not a file"));
+    EXPECT_THAT(refusal((folder_ / name).string()), HasSubstr("is a device"));
     fs::remove(folder_ / name);
     fs::create_symlink(name, folder_ / name);  // to itself
-    EXPECT_THAT(refusal((folder_ / name).string()), HasSubstr("is not a file"));
+    EXPECT_THAT(refusal((folder_ / name).string()), HasSubstr("cannot be read"));
   }
   EXPECT_THAT(refused("box.vtk", binary_stl()), HasSubstr("none of .stl"));
 }

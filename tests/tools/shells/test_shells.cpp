@@ -381,7 +381,7 @@ TEST_F(ShellFiles, DamagedFilesAreRefused) {
   write(ball(4, Vec3::Zero(), 2), path("good.stl"));
   write(ball(4, Vec3::Zero(), 2), path("good.ply"));
   const std::string stl = text_of(path("good.stl")), ply = text_of(path("good.ply"));
-  EXPECT_THAT(refusal(path("absent.stl")), HasSubstr("is not a file"));
+  EXPECT_THAT(refusal(path("absent.stl")), HasSubstr("does not exist"));
   EXPECT_THAT(refusal(written("empty.stl", "")), HasSubstr("is empty"));
   EXPECT_THAT(refusal(written("cut.stl", stl.substr(0, stl.size() / 2))), HasSubstr("truncated"));
   EXPECT_THAT(refusal(written("head.stl", stl.substr(0, 40))), HasSubstr("truncated"));

@@ -114,6 +114,8 @@ std::uint64_t stl_count(std::string_view head) {
   return count;
 }
 
+std::uint64_t stl_size(std::string_view head) { return kStlHeader + 50 * stl_count(head); }
+
 // A file that begins with "solid" is text, unless it is as long as a binary one would be: the
 // count of a text would be letters, more than 100 million. `head`: the file's first bytes.
 bool is_text_stl(const InputFile& file, std::string_view head) {
@@ -122,14 +124,13 @@ bool is_text_stl(const InputFile& file, std::string_view head) {
     if (says_text) return true;
     throw InputError(file.path(), "", "is truncated: shorter than the header of a binary STL file");
   }
-  const std::uint64_t needed = kStlHeader + 50 * stl_count(head);
-  if (file.size() != needed && !says_text)
+  const std::uint64_t needed = stl_size(head);
+  if (file.size() < needed && !says_text)
     throw InputError(file.path(), "",
-                     "is " + std::string(file.size() < needed ? "truncated or " : "") +
-                         "no STL file: " + std::to_string(stl_count(head)) +
+                     "is truncated or no STL file: " + std::to_string(stl_count(head)) +
                          " triangles would take " + std::to_string(needed) + " bytes, it has " +
                          std::to_string(file.size()));
-  return file.size() != needed;
+  return file.size() < needed;
 }
 
 MeshFile read_binary_stl(const std::string& path, std::string_view bytes) {
@@ -153,8 +154,13 @@ MeshFile read_binary_stl(const std::string& path, std::string_view bytes) {
 
 enum class Kind { kTextStl, kBinaryStl, kPly, kObj, kOff };
 
+struct Contents {
+  Kind kind;
+  std::uint64_t size;  // bytes of the file that count
+};
+
 // By extension and the first bytes, before the whole is read.
-Kind kind_of(const InputFile& file) {
+Contents contents_of(const InputFile& file) {
   const std::string& path = file.path();
   const std::string extension = lower(std::filesystem::path(path).extension().string());
   if (extension != ".stl" && extension != ".ply" && extension != ".obj" && extension != ".off")
@@ -164,12 +170,15 @@ Kind kind_of(const InputFile& file) {
   head.resize(file.read(0, head.size(), head.data()));
   if (extension == ".ply") {
     if (!head.starts_with("ply")) throw InputError(path, "", "is not a PLY file");
-    return Kind::kPly;
+    return {Kind::kPly, file.size()};
   }
-  if (extension == ".stl" && !is_text_stl(file, head)) return Kind::kBinaryStl;
+  if (extension == ".stl" && !is_text_stl(file, head)) return {Kind::kBinaryStl, stl_size(head)};
   if (head.find('\0') != std::string::npos)
     throw InputError(path, "", "is no text, as " + extension + " is");
-  return extension == ".stl" ? Kind::kTextStl : extension == ".obj" ? Kind::kObj : Kind::kOff;
+  return {extension == ".stl"   ? Kind::kTextStl
+          : extension == ".obj" ? Kind::kObj
+                                : Kind::kOff,
+          file.size()};
 }
 
 MeshFile read_as(Kind kind, const std::string& path, std::string_view bytes,
@@ -195,11 +204,11 @@ MeshFile read_as(Kind kind, const std::string& path, std::string_view bytes,
 MeshFile read_mesh_file(const std::string& path, const std::vector<std::string>& wanted) {
   using mesh_files::Kind;
   const InputFile file(path);
-  const Kind kind = mesh_files::kind_of(file);
+  const auto [kind, size] = mesh_files::contents_of(file);
   constexpr double kBytesPerByte = 3;  // the file's, and what is made of them
-  require_memory(path, "size", kBytesPerByte * static_cast<double>(file.size()),
+  require_memory(path, "size", kBytesPerByte * static_cast<double>(size),
                  "thin the mesh out first");
-  std::string bytes(file.size(), '\0');
+  std::string bytes(size, '\0');
   if (file.read(0, bytes.size(), bytes.data()) != bytes.size())
     throw InputError(path, "", "can't be read");
   MeshFile mesh = mesh_files::read_as(kind, path, bytes, wanted);

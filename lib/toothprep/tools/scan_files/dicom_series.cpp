@@ -180,7 +180,7 @@ void check_header(const std::string& path, const DicomHeader& header) {
                      "export the series again, or as NRRD or NIfTI");
 }
 
-// The slice's place and axes; `spacing_mm` stands for the pixel spacing if it is given.
+// The slice's place and axes; the option's spacing stands for a pixel spacing that is none.
 struct Placed {
   Vec3 position;
   Mat3 direction;
@@ -200,27 +200,27 @@ Placed placed(const std::string& path, const Slice& slice, const ScanReadOptions
   if (!((result.direction.transpose() * result.direction - Mat3::Identity()).norm() < 1e-3))
     throw InputError(path, slice.name(), "its axes are not orthogonal unit vectors",
                      "export the series again, or as NRRD or NIfTI");
-  if (options.spacing_mm) {
-    result.spacing = Vec3((*options.spacing_mm)[0], (*options.spacing_mm)[1], 0);
-    return result;
-  }
   const auto& spacing = frame.pixel_spacing;
-  if (spacing.size() != 2 || !(spacing[0] > 0) || !(spacing[1] > 0))
+  if (spacing.size() == 2 && spacing[0] > 0 && spacing[1] > 0)
+    result.spacing = Vec3(spacing[1], spacing[0], 0);  // stated between rows, between columns
+  else if (options.spacing_mm)
+    result.spacing = Vec3((*options.spacing_mm)[0], (*options.spacing_mm)[1], 0);
+  else
     throw InputError(path, slice.name(),
                      "states '" + frame.pixel_spacing_text +
                          "' as its pixel spacing (tag 0028,0030), which is none",
                      "give the true voxel size with --spacing-mm");
-  result.spacing = Vec3(spacing[1], spacing[0], 0);  // stated between rows, between columns
   return result;
 }
 
 // What a slice differs in from the first in shape or place; empty if in nothing.
-std::string other_shape(const Series& series, const DicomHeader& header, const Placed& slice) {
+std::string other_shape(const Series& series, const DicomHeader& header, const Placed& slice,
+                        bool spacing_counts) {
   if (header.columns != series.columns || header.rows != series.rows)
     return "has " + std::to_string(header.columns) + " x " + std::to_string(header.rows) +
            " pixels, the first slice " + std::to_string(series.columns) + " x " +
            std::to_string(series.rows);
-  if (!((slice.spacing - series.spacing).norm() <= 1e-4 * slice.spacing.norm()))
+  if (spacing_counts && !((slice.spacing - series.spacing).norm() <= 1e-4 * slice.spacing.norm()))
     return "has pixels of " + number(slice.spacing.x()) + " x " + number(slice.spacing.y()) +
            " mm, the first slice of " + number(series.spacing.x()) + " x " +
            number(series.spacing.y()) + " mm";
@@ -284,7 +284,7 @@ Series ordered(const std::string& path, const std::vector<DicomHeader>& files,
         series.columns = header.columns;
         series.rows = header.rows;
       }
-      const std::string shape = other_shape(series, header, place);
+      const std::string shape = other_shape(series, header, place, !options.spacing_mm);
       if (!shape.empty())
         throw InputError(path, slice.name(), shape,
                          "keep only the axial slices of the scan in the folder");

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <sstream>
+#include <stdexcept>
 #include <string_view>
 
 #include "toothprep/step/core/errors.h"
@@ -87,10 +88,7 @@ DataPlace nifti_place(const std::string& path) {
   place.files = {path};
   place.compressed = place.deflated = lower(path).ends_with(".gz");
   const auto header = nifti_header(path);
-  if (!header) {
-    place.plain = false;
-    return place;
-  }
+  if (!header) throw std::runtime_error("it holds no whole header, compressed as its name says");
   place.big_endian = header->swapped != (std::endian::native == std::endian::big);
   // The library's decomposition of a matrix that isn't finite never ends.
   for (std::size_t at = 256; at < 328; at += 4)
@@ -138,7 +136,7 @@ TextHeader text_header(const std::string& path, Format format) {
   std::string text(std::min<std::uint64_t>(file.size(), kLongestHeader), '\0');
   text.resize(file.read(0, text.size(), text.data()));
   if (format == Format::kNrrd && !text.starts_with("NRRD"))
-    throw InputError(path, "", "cannot be read as NRRD: it does not begin with 'NRRD'", kDamaged);
+    throw std::runtime_error("it does not begin with 'NRRD'");
   TextHeader header;
   std::size_t at = 0;
   for (int n = 1; n <= kMostLines && at < text.size() && !header.ended; ++n) {
@@ -217,8 +215,7 @@ void place_in_or_beside(const std::string& path, const TextHeader& header,
     if (names.size() > 1) place.plain = false;
     return;
   }
-  if (!header.ended)
-    throw InputError(path, "header", "has no end", "the file is truncated or damaged");
+  if (!header.ended) throw std::runtime_error("its header has no end");
   place.files = {path};
   place.starts = header.end;
 }

@@ -24,7 +24,8 @@ struct DataPlace {
   bool plain = true;  // nothing else has to be known to read the voxels one after the other
 };
 
-// These throw InputError for headers that can't be read or can't be right.
+// These throw InputError for headers that can't be right, and std::runtime_error with the reason for
+// what is no such header.
 DataPlace data_place(const std::string& path, Format format);
 
 // That every file with voxels is a regular one.
