@@ -38,13 +38,14 @@ std::string Sha256::hex() {
   return text;
 }
 
-std::string sha256_of_file(const std::string& path) {
+std::string sha256_of_file(const std::string& path, const std::atomic<bool>* stop) {
   regular_file_size(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw InputError(path, "", "cannot be read");
   Sha256 hash;
   std::vector<char> buffer(1 << 20);
-  while (in.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || in.gcount() > 0)
+  while (!(stop && *stop) &&
+         (in.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || in.gcount() > 0))
     hash.update(buffer.data(), static_cast<std::size_t>(in.gcount()));
   return hash.hex();
 }

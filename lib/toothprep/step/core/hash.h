@@ -1,6 +1,7 @@
 // SHA-256 (by OpenSSL), as lower-case hexadecimal digits.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <memory>
 #include <string>
@@ -19,6 +20,8 @@ class Sha256 {
   std::unique_ptr<Impl> impl_;
 };
 
-std::string sha256_of_file(const std::string& path);  // regular files only; throws InputError
+// Regular files only; throws InputError if unreadable. Once `stop` is set it comes back soon, with no
+// hash of anything.
+std::string sha256_of_file(const std::string& path, const std::atomic<bool>* stop = nullptr);
 
 }  // namespace toothprep

@@ -69,19 +69,20 @@ ImageVolume<std::uint16_t> read_label_image(
   return read_label_image(path, spaced(spacing_mm));
 }
 
-std::string sha256_of_scan(const std::string& path, const std::string& series) {
+std::string sha256_of_scan(const std::string& path, const std::string& series,
+                           const std::atomic<bool>* stop) {
   std::error_code error;
   std::vector<std::string> files;
   if (fs::is_directory(path, error)) {
     files = image::files_of_series(path, series);
   } else {
     if (image::is_volume_file(path)) files = image::detached_data_of(path);
-    if (files.empty()) return sha256_of_file(path);
+    if (files.empty()) return sha256_of_file(path, stop);
     files.insert(files.begin(), path);
   }
   Sha256 all;
   for (const auto& file : files) {
-    const std::string one = sha256_of_file(file);
+    const std::string one = sha256_of_file(file, stop);
     all.update(one.data(), one.size());
   }
   return all.hex();

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -80,7 +81,9 @@ std::vector<SeriesInfo> list_series(const std::string& folder);
 // SHA-256 of the file, or if its voxels are in others, over the SHA-256 of all; of a folder:
 // over the SHA-256 of the DICOM files of the series (see ScanReadOptions) in the order of their
 // positions, so that names don't count.
-std::string sha256_of_scan(const std::string& path, const std::string& series = {});
+// Once `stop` is set it comes back soon, with no hash of anything.
+std::string sha256_of_scan(const std::string& path, const std::string& series = {},
+                           const std::atomic<bool>* stop = nullptr);
 
 // By extension: .nrrd, .nii, .nii.gz, .mha (the formats of one file), compressed where the format
 // can; 16-bit signed grey values, or labels. Throws InputError for another extension, Error if it

@@ -1,5 +1,6 @@
 #include "toothprep/tools/segmentation/voxelize_file.h"
 
+#include <atomic>
 #include <filesystem>
 #include <future>
 #include <memory>
@@ -17,6 +18,11 @@ std::string name_of(const std::string& path) {
   return normal.has_filename() ? normal.filename().string()
                                : normal.parent_path().filename().string();
 }
+
+struct Stopper {
+  std::atomic<bool>& stop;
+  ~Stopper() { stop = true; }
+};
 
 VoxelizedScan voxelized(const ScanJob& job, std::unique_ptr<ScanSource> scan) {
   VoxelizedScan result;
@@ -37,9 +43,11 @@ VoxelizedScan voxelize_file(const ScanJob& job) {
   reading.labels = !job.tissues.empty();
   try {
     std::unique_ptr<ScanSource> scan = open_scan(job.path, reading);
-    // Beside the work: it takes about as long as reading.
+    // Beside the work: it takes about as long as reading. A refusal does not wait for it.
+    std::atomic<bool> stop = false;
     std::future<std::string> hash = std::async(
-        std::launch::async, [&] { return sha256_of_scan(job.path, job.reading.series); });
+        std::launch::async, [&] { return sha256_of_scan(job.path, job.reading.series, &stop); });
+    const Stopper stopper{stop};
     const bool placeholder = !reading.spacing_mm && scan->frame().spacing == Vec3::Ones();
     if (job.roi) scan = crop(std::move(scan), *job.roi);
     VoxelizedScan result = voxelized(job, std::move(scan));
