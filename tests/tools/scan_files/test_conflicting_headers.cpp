@@ -75,20 +75,21 @@ TEST_F(ConflictingHeaders, ASpacingThatIsNoneIsRefusedAndNamedWhateverTheAxis) {
         if (a == axis) vector = value == "none" ? "none" : "(" + value + "," + value + ",0)";
         vectors += (a ? " " : "") + vector;
       }
-      const auto names =
-          AllOf(HasSubstr(value == "1e300" ? "1e+300" : value), HasSubstr("--spacing-mm"));
       const std::string raw = raw_of(image);
       const bool replaceable = value == "nan" || value == "-0.3" || value == "1e300";
       const auto named = HasSubstr(value == "1e300" ? "1e+300" : value);
       EXPECT_THAT(refusal(write("a.nrrd", nrrd("spacings: " + list) + raw)),
                   AllOf(named, HasSubstr(replaceable ? "--spacing-mm" : "correct that line")));
-      if (value != "-0.3")  // a direction may be negative
+      if (value != "-0.3") {  // a direction may be negative
         EXPECT_THAT(refusal(write("b.nrrd", nrrd("space: left-posterior-superior\n"
                                                  "space directions: " +
                                                  vectors) +
                                                 raw)),
                     HasSubstr(value));
-      EXPECT_THAT(refusal(write("a.mha", meta(list) + raw)), names);
+      }
+      const bool number = value == "0" || value == "-0.3" || value == "1e300";
+      EXPECT_THAT(refusal(write("a.mha", meta(list) + raw)),
+                  AllOf(named, HasSubstr(number ? "--spacing-mm" : "correct that line")));
     }
 }
 
@@ -107,7 +108,7 @@ TEST_F(ConflictingHeaders, ASpacingOfNiftiThatIsNoneIsRefused) {
 
 TEST_F(ConflictingHeaders, TheOptionStandsForASpacingThatIsNone) {
   const auto image = some_image();
-  for (const std::string value : {"nan", "0", "-0.3", "inf"}) {
+  for (const std::string value : {"0", "-0.3"}) {
     const std::string file = write("a.mha", meta("0.2 0.3 " + value) + raw_of(image));
     EXPECT_EQ(read_scan(file, std::array<double, 3>{0.2, 0.3, 0.45}).spacing, Vec3(0.2, 0.3, 0.45))
         << value;

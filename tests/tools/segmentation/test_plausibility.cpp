@@ -59,14 +59,14 @@ TEST(Plausibility, AStumpIsRefusedWithTheThresholdsThatMakeItDentin) {
   const auto scan = source(make_synthetic_scan(stump, molar_bounds(), scanner()));
   EXPECT_THAT(refusal(*scan), AllOf(HasSubstr("can't be a tooth's dentin and enamel"),
                                     HasSubstr("--thresholds DENTIN,ENAMEL"),
-                                    HasSubstr("a stump or a root: --thresholds 29")));
+                                    HasSubstr("a stump or a root: --thresholds 30")));
 }
 
 // By hand: the molar without its enamel has 606 mm3 of dentin and 39 mm3 of pulp.
 TEST(Plausibility, WithThoseThresholdsItIsDentinAndPulp) {
   const auto scan = source(make_synthetic_scan(stump, molar_bounds(), scanner()));
   VoxelizeOptions options = coarse();
-  options.thresholds = {295, 2880};
+  options.thresholds = {300, 2880};
   const auto volume = remaining_volumes_mm3(voxelize_scan(*scan, options));
   EXPECT_EQ(volume[0], 0);
   EXPECT_NEAR(volume[1], 606, 12);

@@ -270,6 +270,8 @@ DataPlace meta_place(const std::string& path) {
 
 // ---- Voxel sizes as they are stated
 
+const std::string kCorrect = "correct that line of the header";
+
 [[noreturn]] void refuse_spacing(
     const std::string& path, const std::string& field, int axis, const std::string& value,
     const std::string& remedy = "give the true voxel size with --spacing-mm") {
@@ -350,7 +352,7 @@ void check_nrrd_spacing(const std::string& path) {
                                  !std::isinf(stated.length[a]) &&
                                  is_word_for_number(stated.text[a]);
         if (replaceable) refuse_spacing(path, field, axis, stated.text[a]);
-        refuse_spacing(path, field, axis, stated.text[a], "correct that line of the header");
+        refuse_spacing(path, field, axis, stated.text[a], kCorrect);
       }
   }
 }
@@ -361,9 +363,13 @@ void check_meta_spacing(const std::string& path) {
     const std::string value = header.value_of(lower(field));
     if (value.empty()) continue;
     const Stated stated = stated_numbers(value);
-    for (std::size_t a = 0; a < std::min<std::size_t>(3, stated.text.size()); ++a)
-      if (!is_length(stated.length[a]))
-        refuse_spacing(path, field, static_cast<int>(a), stated.text[a]);
+    for (std::size_t a = 0; a < std::min<std::size_t>(3, stated.text.size()); ++a) {
+      if (is_length(stated.length[a])) continue;
+      const int axis = static_cast<int>(a);
+      // MetaIO stops at others.
+      if (std::isfinite(stated.length[a])) refuse_spacing(path, field, axis, stated.text[a]);
+      refuse_spacing(path, field, axis, stated.text[a], kCorrect);
+    }
     return;  // the size counts where there is no spacing
   }
 }

@@ -61,8 +61,8 @@ std::string why_implausible(const Layers& layers, const GreyClasses& classes) {
   if (!(outside >= kLeastOutside))
     return "only " + percent(outside) + " of the enamel's surface would face the outside";
   const double covered = layers.enamel_dentin / (layers.enamel_dentin + layers.dentin_air);
-  if (dentin < kLittleDentin && covered > kMostCovered)
-    return "the dentin would lie inside the enamel all around";
+  if (dentin < kLittleDentin && covered > kMostCovered && !(layers.pulp > 0))
+    return "the dentin would lie inside the enamel all around, without pulp";
   const double ratio =
       (classes.enamel - classes.surroundings) / (classes.dentin - classes.surroundings);
   if (!(ratio >= kLeastRatio && ratio <= kMostRatio))
