@@ -119,9 +119,9 @@ struct FitResult {
   Estimate delay;                                             // s
   Vec3 rotation = Vec3::Zero(), rotation_std = Vec3::Zero();  // rad
   Vec3 weight = Vec3::Zero(), weight_std = Vec3::Zero();      // N
-  std::string weight_why_not;                                 // of a requested weight that isn't identifiable
-  Estimate lowpass;                                           // time constant of the sensor, s
-  double delay_lowpass_correlation = 0;                       // where both were estimated
+  std::string weight_why_not;            // of a requested weight that isn't identifiable
+  Estimate lowpass;                      // time constant of the sensor, s
+  double delay_lowpass_correlation = 0;  // where both were estimated
   std::vector<RecordingFit> recordings;
   double residual_rms = 0, residual_r2 = 0;  // N of the 3-vector; without outliers
   double outlier_share = 0;                  // samples beyond kOutlierSigmas on an axis
