@@ -129,7 +129,7 @@ void add_batch(CLI::App& app, const Common& common) {
       "  arguments = { original = \"molar.vdb\", type = \"crown\", report = true }\n"
       "Run again it goes on where it stopped, and repeats only what changed. A row for each item "
       "in\n"
-      "batch.csv and batch.json. The format: lib/toothprep/tools/batch/README.md.\n"
+      "batch.csv and batch.json. The format: data/batch/README.md.\n"
       "Example: toothprep batch class.toml -o results");
   sub->callback([o, &app, &common] { run(*o, app, common); });
 }

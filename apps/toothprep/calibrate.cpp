@@ -108,7 +108,7 @@ ForceReading force_reading(const Options& o) {
   return r;
 }
 
-void tell(const FitResult& fit, const Common& common) {
+void print(const FitResult& fit, const Common& common) {
   for (int k = 0; k < kTissueCount; ++k) {
     const TissueFit& t = fit.tissue[k];
     if (t.touched == 0 && k > 1) continue;
@@ -276,9 +276,9 @@ void fit_imposed(const std::vector<MeasuredRecording>& recordings,
   for (const ForceBasis& basis : f.bases)
     for (std::size_t i = 0; i < basis.size; ++i)
       torque = std::max(torque, torque_at(basis, i, fitted));
-  const bool told = std::any_of(recordings.begin(), recordings.end(),
-                                [](const MeasuredRecording& r) { return !r.stalled.empty(); });
-  if (!told && torque > parameters.handpiece.stall_torque)
+  const bool recorded = std::any_of(recordings.begin(), recordings.end(),
+                                    [](const MeasuredRecording& r) { return !r.stalled.empty(); });
+  if (!recorded && torque > parameters.handpiece.stall_torque)
     f.result.warnings.push_back(
         fmt::format("with the fitted values the torque reaches {:.2f} mN m, above the stall torque "
                     "of {:.2f} mN m: if the handpiece stalled, leave those spans out",
@@ -293,8 +293,8 @@ void fit_handle(const std::vector<MeasuredRecording>& recordings,
   int iteration = 0;
   f.coupled = fit_coupled(
       bur, tooth, parameters, recordings, motions, options, {}, [&](const CoupledIteration& i) {
-        say(common, fmt::format("replays {}: u and alpha ask for a change of {:.2g} %", ++iteration,
-                                100 * i.change));
+        say(common,
+            fmt::format("replays {}: u and alpha change by {:.2g} %", ++iteration, 100 * i.change));
       });
   f.result = std::move(f.coupled.fit);
   f.result.replays = iteration;
@@ -384,7 +384,7 @@ void run(const Options& o, const Common& common) {
     if (plots && !run_script("plot-calibration", {report})) throw Error("plot-calibration failed");
   }
   outputs.publish();
-  tell(f.result, common);
+  print(f.result, common);
   if (o.json) std::fputs(json.c_str(), stdout);
 }
 
@@ -453,7 +453,8 @@ void add_calibrate(CLI::App& app, const Common& common) {
       ->check(CLI::IsMember({"bur", "tooth"}))
       ->capture_default_str();
   o->unit = "auto";
-  sub->add_option("--force-unit", o->unit, "N, gf or mN; auto: N, and doubted where it can't be")
+  sub->add_option("--force-unit", o->unit,
+                  "N, gf or mN; auto: N, refused where the magnitude is implausible")
       ->check(CLI::IsMember({"auto", "N", "gf", "mN"}))
       ->capture_default_str();
   sub->add_option("--range-n", o->range, "Range of the sensor: samples beyond are left out")

@@ -13,7 +13,7 @@ struct Drawn {
   RenderPart part;
 };
 
-// A tooth (.vdb) or a mesh with the tissues of its vertices, if it tells them. Throws InputError. Of
+// A tooth (.vdb) or a mesh with the tissues of its vertices, if it has them. Throws InputError. Of
 // the warnings on a tooth `strict` makes errors.
 Drawn read_drawn(const std::string& path, bool strict = false);
 

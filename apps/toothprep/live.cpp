@@ -208,7 +208,7 @@ class Signals {
   bool came_ = false;
 };
 
-// ---- Telling
+// ---- Progress and figures
 
 LiveWatch watch_for(const Options& o, const Common& common, Signals& signals,
                     const SessionRecorder* recorder) {
@@ -216,12 +216,12 @@ LiveWatch watch_for(const Options& o, const Common& common, Signals& signals,
   watch.duration = o.duration;
   watch.stop_asked = [&signals] { return signals.came(); };
   watch.real_time = !o.no_real_time;
-  watch.tell_scheduling = [&common](const std::string& line) { say(common, line); };
+  watch.report_scheduling = [&common](const std::string& line) { say(common, line); };
   const bool terminal = !common.quiet && isatty(STDERR_FILENO) != 0;
-  watch.tell = [terminal, recorder, told = false, steps = std::int64_t{0}](
-                   const LiveStatus& s, const DeviceStatus& d) mutable {
-    if (recorder && recorder->failure() && !told) {
-      told = true;
+  watch.report = [terminal, recorder, warned = false, steps = std::int64_t{0}](
+                     const LiveStatus& s, const DeviceStatus& d) mutable {
+    if (recorder && recorder->failure() && !warned) {
+      warned = true;
       warn("the recording stopped: " + *recorder->failure() + "; the session goes on");
     }
     if (!terminal) return;
@@ -289,7 +289,7 @@ nlohmann::ordered_json report_json(const TickStatistics& t, const LiveEnd& end, 
   return j;
 }
 
-void tell_ticks(const Common& common, const TickStatistics& t) {
+void report_ticks(const Common& common, const TickStatistics& t) {
   say(common,
       fmt::format("{} ticks, {} missed; period {:.0f} us median, {:.0f} us 99.9 %, {:.0f} us worst",
                   t.ticks, t.missed, t.period.quantile(0.5), t.period.quantile(0.999),
@@ -330,7 +330,7 @@ void finish(const Options& o, const Common& common, const LiveEnd& end, SessionR
   } catch (const Error& e) {
     failure = e.what();
   }
-  tell_ticks(common, sinks.statistics);
+  report_ticks(common, sinks.statistics);
   if (recorder.dropped() > 0)
     warn(fmt::format("{} ticks could not be recorded", recorder.dropped()));
   say(common, o.output + ": " + std::to_string(recorder.rows()) + " rows; ended by: " + end.reason);
@@ -509,9 +509,8 @@ void add_live(CLI::App& app, const Common& common) {
       ->check(CLI::Range(100L, 10000L));
   sub->add_option("--duration-s", o->duration, "Ends after so long (absent: until Ctrl-C)")
       ->check(CLI::Range(0.01, 86400.0));
-  sub->add_option(
-      "--registration", o->registration,
-      "Device frame to tooth frame (.toml; format in lib/toothprep/tools/live/README.md)");
+  sub->add_option("--registration", o->registration,
+                  "Device frame to tooth frame (.toml; format in data/rig/FORMATS.md)");
   sub->add_option(
          "--start-mm", o->start,
          "Where in the tooth's frame the hand starts, X,Y,Z (absent: 3 mm above the tooth)")
@@ -523,7 +522,8 @@ void add_live(CLI::App& app, const Common& common) {
                   "Button that starts the bur: none (it always runs), 1, 2, 3, 4")
       ->check(CLI::IsMember({"none", "1", "2", "3", "4"}))
       ->capture_default_str();
-  sub->add_option("--clutch", o->clutch, "Button that lets the hand move without the handle")
+  sub->add_option("--clutch", o->clutch,
+                  "Button that, while held, moves the hand without the handle")
       ->check(CLI::IsMember({"none", "1", "2", "3", "4"}))
       ->capture_default_str();
   sub->add_option("--force-limit-n", o->force_limit, "At most so much force (absent: the device's)")
@@ -541,7 +541,7 @@ void add_live(CLI::App& app, const Common& common) {
       "--protocol", o->protocol,
       "An active check of the device instead of a session: rest, step, stiffness-sweep, "
       "damping-sweep, wall, with their figures if you like (see toothprep rig-check)");
-  sub->add_flag("--no-real-time", o->no_real_time, "Don't ask for SCHED_FIFO and locked memory");
+  sub->add_flag("--no-real-time", o->no_real_time, "Without SCHED_FIFO and locked memory");
   sub->add_flag("--strict", o->strict,
                 "Exit 1 for a tooth that another program changed (before the session), parameters "
                 "that can't be meant or an energy audit out of range (the recording stays)");

@@ -82,7 +82,7 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   app.fallthrough();
   Common common;
-  app.add_flag("--quiet,-q", common.quiet, "No talk on stderr but warnings and errors");
+  app.add_flag("--quiet,-q", common.quiet, "Only warnings and errors on stderr");
   app.add_option("--threads", common.threads, "Threads for offline work (0: all cores)")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -179,8 +179,9 @@ void add_replay(CLI::App& app, const Common& common) {
   CLI::App* sub = app.add_subcommand(
       "replay", "Runs a trajectory through force, coupling, stall and removal; writes a trace");
   add_session_options(*sub, o->session);
-  sub->add_option("--trajectory", o->trajectory,
-                  "Handle's motion: script .toml, .csv, or .h5; required");
+  sub->add_option(
+      "--trajectory", o->trajectory,
+      "Handle's motion: script .toml, .csv, or .h5 (formats in data/trajectories); required");
   sub->add_option("-o,--output", o->output, "Trace to write (.h5), required");
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");

@@ -126,7 +126,8 @@ void add_rig_check(CLI::App& app, const Common& common) {
   sub->add_option("--tooth", o->tooth,
                   "Tooth (.vdb) of the session: also replays it and compares the forces");
   sub->add_option("--limits", o->limits,
-                  "Limits and table of devices (default: data/rig/limits.toml; copy and change)");
+                  "Limits and table of devices (default: data/rig/limits.toml; copy and change; "
+                  "data/rig/FORMATS.md)");
   sub->add_option("-o,--output", o->output, "Report to write (.json)");
   sub->add_option("--report", o->report, "Folder to make: report.json, tables, page.png, page.pdf");
   sub->add_flag("--no-plots", o->no_plots, "No page, only report.json and the tables");

@@ -45,7 +45,7 @@ void list_quantities() {
   }
 }
 
-void tell(const Assessment& assessment, const Common& common) {
+void print(const Assessment& assessment, const Common& common) {
   const ScoreSheet& sheet = assessment.sheet;
   for (const std::string& note : sheet.notes) say(common, "note: " + note);
   if (!sheet.result) return;
@@ -103,7 +103,7 @@ void run(Options o, const Common& common) {
   if (!report.empty()) write_score_report(assessment, a.process, report);
   outputs.publish();
   if (o.json) std::cout << score_json(assessment.sheet);
-  tell(assessment, common);
+  print(assessment, common);
   say(common, o.output + (report.empty() ? std::string() : ", " + o.report + "/report.html"));
 }
 
@@ -124,8 +124,9 @@ void add_score(CLI::App& app, const Common& common) {
   sub->add_option("--type", o->type, "Kind of preparation; default: the rubric's, or found")
       ->check(CLI::IsMember(
           std::vector<std::string>(kPreparationTypes.begin(), kPreparationTypes.end())));
-  sub->add_option("--rubric", o->rubric,
-                  "Rubric (.toml), or 'none'; default: the one shipped for the type");
+  sub->add_option(
+      "--rubric", o->rubric,
+      "Rubric (.toml; format in data/rubrics), or 'none'; default: the one shipped for the type");
   const auto vector = [&](const char* name, std::vector<double>& value, const char* text) {
     sub->add_option(name, value, text)->delimiter(',')->expected(3);
   };
@@ -143,7 +144,7 @@ void add_score(CLI::App& app, const Common& common) {
                   "Undercuts shallower than this are taken for roughness")
       ->check(CLI::Range(0.0, 3.0))
       ->capture_default_str();
-  sub->add_option("--force-limit-n", a.process.force_limit, "Time above this force is told")
+  sub->add_option("--force-limit-n", a.process.force_limit, "Time above this force is reported")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   sub->add_flag("--list-figures", o->list, "Print every figure with its definition, and stop");

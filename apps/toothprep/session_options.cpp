@@ -22,7 +22,7 @@ void add_session_options(CLI::App& sub, SessionOptions& o) {
       ->capture_default_str();
   sub.add_option("--engine", o.engine, "levelset or voxel (default: the parameters')")
       ->check(CLI::IsMember({"levelset", "voxel"}));
-  sub.add_option("--params", o.params, "Parameter file (.toml)");
+  sub.add_option("--params", o.params, "Parameter file (.toml; format in data/parameters)");
   sub.add_option("--preset", o.preset, "paper (default) or physical, under the parameter file")
       ->check(CLI::IsMember({"paper", "physical"}));
   sub.add_option("--stiffness-n-per-mm", o.stiffness, "Coupling stiffness, over the file's");

@@ -287,7 +287,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->expected(2)
       ->allow_extra_args(false);
   sub->add_option("--hounsfield", options->hounsfield,
-                  "Of a scan in Hounsfield units: tell the tissues apart by a preset's borders "
+                  "Of a scan in Hounsfield units: separate the tissues by a preset's borders "
                   "('list' prints them) instead of by the histogram's peaks")
       ->excludes("--thresholds");
   sub->add_option("--tooth", options->tooth,

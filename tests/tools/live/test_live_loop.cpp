@@ -175,12 +175,12 @@ class Live : public ::testing::Test {
 TEST_F(Live, EndsAfterItsDurationWithZeroForceAndEveryTickHandedOn) {
   LiveWatch watch;
   watch.duration = 0.3;
-  int told = 0;
-  watch.tell = [&](const LiveStatus&, const DeviceStatus&) { ++told; };
+  int reports = 0;
+  watch.report = [&](const LiveStatus&, const DeviceStatus&) { ++reports; };
   const LiveEnd end = run(grinding_hand(), watch);
   EXPECT_FALSE(end.fault);
   EXPECT_EQ(end.reason, "duration");
-  EXPECT_GE(told, 1);
+  EXPECT_GE(reports, 1);
   EXPECT_GT(rows_.ticks.size(), 50u);
   for (std::size_t n = 0; n < rows_.ticks.size(); ++n)
     EXPECT_EQ(rows_.ticks[n].row.handle.time, static_cast<double>(n) * 1e-3);

@@ -1,4 +1,4 @@
-// Scans read in pieces: the same values whatever the pieces, and damage told when it is met.
+// Scans read in pieces: the same values whatever the pieces, and damage reported when it is met.
 #include <zlib.h>
 
 #include <cstring>

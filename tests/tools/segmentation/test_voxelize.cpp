@@ -398,10 +398,11 @@ TEST(Voxelize, RefusesWhatIsNoTooth) {
   std::mt19937 random(3);
   std::normal_distribution<float> normal(80, 10);
   for (float& v : scan.data) v = normal(random);
-  EXPECT_THAT(refusal(scan), testing::HasSubstr("no tooth can be told from its surroundings"));
+  EXPECT_THAT(refusal(scan),
+              testing::HasSubstr("no tooth can be distinguished from its surroundings"));
 
   for (std::size_t v = 0; v < scan.data.size(); ++v) scan.data[v] = static_cast<float>(v % 48);
-  EXPECT_THAT(refusal(scan), testing::HasSubstr("no tooth can be told"));
+  EXPECT_THAT(refusal(scan), testing::HasSubstr("no tooth is found"));
 
   // Labels where greys are expected.
   for (std::size_t v = 0; v < scan.data.size(); ++v) scan.data[v] = static_cast<float>(v / 30000);

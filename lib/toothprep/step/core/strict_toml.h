@@ -1,4 +1,4 @@
-// TOML read strictly: every key is asked for by name and type, and what nobody asked for is an
+// TOML read strictly: every key is read by name and type, and a key that nothing read is an
 // error that names the nearest known key. For the .cpp files of readers (it includes toml++).
 #pragma once
 
@@ -185,7 +185,7 @@ class StrictTable {
     return result;
   }
 
-  // Refuses every key that was not asked for. `elsewhere`: dotted keys of other tables that may
+  // Refuses every key that was not read. `elsewhere`: dotted keys of other tables that may
   // have been meant.
   void done(const std::vector<std::string>& elsewhere = {}) const {
     for (const auto& [key, node] : table_) {

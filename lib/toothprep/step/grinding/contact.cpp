@@ -68,7 +68,7 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
 float ContactModel::coverage_at_skin(FieldSample s, int i, const float* a, float ox, float oy,
                                      float oz) const noexcept {
   const SurfaceElements& e = elements_;
-  // Back from the reach to the skin.
+  // Back from the reach to the surface.
   s.value -= s.gx * ox + s.gy * oy + s.gz * oz;
   const float half = e.half_along[i] + e.half_around[i];
   if (s.value >= half) return 0;
@@ -186,7 +186,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
       add_contact(i, share);
       continue;
     }
-    // How far the sample lies ahead of the skin, in index space.
+    // How far the sample lies ahead of the surface, in index space.
     const float* a = f.a;
     const float ox = static_cast<float>(cell_x_[i]) + fx_[i] - f.fx -
                      (a[0] * e.x[i] + a[1] * e.y[i] + a[2] * e.z[i]);

@@ -1,7 +1,7 @@
 // Contact of the level-set engine: which elements of the bur's surface touch tissue, and how much
 // of each. The law that they follow stands in contact_set.h.
 //
-// An element is in contact where tissue is met a small reach ahead of the skin, along the element's
+// An element is in contact where tissue is met a small reach ahead of the surface, along the element's
 // own velocity: ahead of fresh tissue that is the same as along the normal, and in a slot that is
 // passed again it stays in the void instead of touching the walls. An element that a surface
 // crosses (of the tooth, of the cut, of the border of two tissues) counts by the share of its
@@ -52,7 +52,7 @@ class ContactModel {
   void cover(const float* to_index, float wall_per_curvature, int begin, int end) noexcept;
   void add_contact(int i, const PerTissue<float>& share) noexcept;
   // How a surface that the bur didn't cut crosses element i: the share inside of the field, `s` of
-  // which is its sample (ox, oy, oz) ahead of the skin in index space, with the element's
+  // which is its sample (ox, oy, oz) ahead of the surface in index space, with the element's
   // curvature.
   float coverage_at_skin(FieldSample s, int i, const float* to_index, float ox, float oy,
                          float oz) const noexcept;

@@ -30,7 +30,7 @@
 
 namespace toothprep {
 
-// Which elements in contact advance, told by their number and the sum of their places: what changes
+// Which elements in contact advance, identified by their number and the sum of their places: what changes
 // from one trial velocity to the next are neighbours at the border of the set, and that changes one
 // of the two.
 struct AdvancingSet {

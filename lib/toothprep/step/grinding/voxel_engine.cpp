@@ -26,7 +26,7 @@ double distance_at(const Bur& bur, const Vec3& x) {
   return bur.distance(std::hypot(x.x(), x.y()), x.z());
 }
 
-// The cells of the head by depth: at most one voxel beneath the skin, and whether any is deeper.
+// The cells of the head by depth: at most one voxel beneath the surface, and whether any is deeper.
 struct Layers {
   std::set<Cell> boundary;
   bool any_interior = false;
@@ -67,7 +67,7 @@ VoxelEngine::VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters&
       contact_(0, parameters.tissue, parameters.trailing_elements),
       last_(pose) {
   share_surface_out(bur, parameters.handpiece.clockwise);
-  contact_ = ContactSet(feelers_.size(), parameters.tissue, parameters.trailing_elements);
+  contact_ = ContactSet(samples_.size(), parameters.tissue, parameters.trailing_elements);
 }
 
 // Each small element of the true surface goes to the boundary voxel whose centre is nearest to the
@@ -113,10 +113,10 @@ void VoxelEngine::share_surface_out(const Bur& bur, bool clockwise) {
     if (part.normal.norm() < 1e-6 * part.weight || part.tangent.norm() < 1e-6 * part.weight)
       continue;  // round the axis: opposite directions cancel
     const Vec3 normal = part.normal.normalized();
-    Vec3 skin = part.position / part.weight;  // a little inside, where the surface is curved
-    skin -= distance_at(bur, skin) * normal;
-    feelers_.push_back(
-        {skin, element_at(skin, normal, part.tangent.normalized(), part.weight, part.area)});
+    Vec3 point = part.position / part.weight;  // a little inside, where the surface is curved
+    point -= distance_at(bur, point) * normal;
+    samples_.push_back(
+        {point, element_at(point, normal, part.tangent.normalized(), part.weight, part.area)});
   }
 }
 
@@ -126,15 +126,15 @@ void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
   const LevelSet& cut = workpiece_.cut();
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   const Mat3 rotation = pose.orientation.toRotationMatrix() / workpiece_.voxel();
-  for (const Feeler& feeler : feelers_) {
-    const Vec3 at = (tip + rotation * feeler.skin + Vec3::Constant(0.5)).array().floor();
+  for (const BoundarySample& sample : samples_) {
+    const Vec3 at = (tip + rotation * sample.surface_point + Vec3::Constant(0.5)).array().floor();
     if (at.cwiseAbs().maxCoeff() > 1e8) continue;  // far outside; must not overflow
     const Index3 v = at.cast<int>();
     const std::uint8_t label = labels.value(v.x(), v.y(), v.z());
     if (label == 0 || cut.value(v.x(), v.y(), v.z()) > 0) continue;
     PerTissue<float> share{};
     share[label - 1] = 1;
-    contact_.add(feeler.element, share);
+    contact_.add(sample.element, share);
   }
 }
 

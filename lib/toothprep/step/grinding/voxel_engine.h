@@ -1,16 +1,16 @@
 // The paper's own engine, literally: the bur is voxelised at the tooth's pitch D; its boundary
-// voxels feel, its interior voxels remove (the two layers). It exists to reproduce the published
+// voxels are sampled for contact, its interior voxels remove (the two layers). It exists to reproduce the published
 // curves, with their voxel effect and their energy error, beside the level-set engine.
 //
 //   bur voxel         a cell of pitch D in B whose centre lies in the head; the axis runs through
 //                     cell corners and the tip is a cell face
-//   boundary voxel    its centre lies at most D beneath the skin; it feels at the point of the skin
-//                     that it stands for
+//   boundary voxel    its centre lies at most D beneath the surface; it is sampled at the point
+//                     of the surface that it stands for
 //   contact           the tooth voxel that holds that point is tissue and not removed
-//   removal           every tooth voxel whose centre lies deeper than D beneath the skin
+//   removal           every tooth voxel whose centre lies deeper than D beneath the surface
 //
-// A tooth voxel that holds a point of the skin has its centre at most sqrt(3)/2 D beneath it, so
-// removal never takes what is felt, whatever the bur's orientation. (With the centres of the
+// A tooth voxel that holds a point of the surface has its centre at most sqrt(3)/2 D beneath it, so
+// removal never takes what is sampled, whatever the bur's orientation. (With the centres of the
 // boundary voxels as points that is true only while both lattices are aligned: turned or shifted,
 // up to a fifth of the contact comes and goes.)
 //
@@ -48,8 +48,8 @@ class VoxelEngine final : public GrindingEngine {
 
  private:
   // A boundary voxel.
-  struct Feeler {
-    Vec3 skin;  // mm, B
+  struct BoundarySample {
+    Vec3 surface_point;  // mm, B
     ContactSet::Element element;
   };
   void share_surface_out(const Bur& bur, bool clockwise);
@@ -61,7 +61,7 @@ class VoxelEngine final : public GrindingEngine {
   const Bur& bur_;
   Workpiece& workpiece_;
   double arm_;  // mm, the longest of the head
-  std::vector<Feeler> feelers_;
+  std::vector<BoundarySample> samples_;
   ContactSet contact_;
   Pose last_;  // where tissue was last removed
   bool paused_ = false;

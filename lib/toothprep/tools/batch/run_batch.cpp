@@ -356,7 +356,7 @@ class Batch {
       write_file((part / "item.json").string(), json_text(record));
       replace(i, part);
     } catch (const std::exception&) {
-      // The row tells what went wrong first.
+      // The row has what went wrong first.
     }
     return {m_.items[i].name, m_.commands[m_.items[i].command].name, "failed", reason, {}};
   }

@@ -113,11 +113,11 @@ LevelSet copied(const LevelSet& source, const Index3& offset, const LevelSet& bo
   });
 }
 
-// Trilinear. Beyond the source's band a value only tells the side, so it becomes the result's band.
+// Trilinear. Beyond the source's band a value only gives the side, so it becomes the result's band.
 LevelSet resampled(const LayeredTooth& source, const Pose& motion, const LevelSet& box,
                    const Lattice& lattice, float band) {
   const LevelSet& phi = source.solid;
-  const float told = phi.background() * (1 - 1e-5F);
+  const float known = phi.background() * (1 - 1e-5F);
   const double reach = 0.5 * std::sqrt(3.0) * (kBrickEdge - 1) * lattice.voxel;
   const auto uniform_side = [&](const Vec3& centre) {  // -1 inside, 1 outside, 0 mixed
     const Vec3 at = source.lattice.to_index(motion.to_local(centre));
@@ -148,7 +148,7 @@ LevelSet resampled(const LayeredTooth& source, const Pose& motion, const LevelSe
     for (int v = 0; v < kBrickVoxels; ++v) {
       const Vec3 x = lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7));
       const auto value = static_cast<float>(level_at(phi, source.lattice, motion.to_local(x)));
-      values[v] = value >= told ? band : value <= -told ? -band : std::clamp(value, -band, band);
+      values[v] = value >= known ? band : value <= -known ? -band : std::clamp(value, -band, band);
     }
   });
 }

@@ -154,7 +154,7 @@ openvdb::MetaMap file_metadata(const LayeredTooth& tooth) {
 }
 
 // The archive goes to memory first: its id is derived from its bytes, and openvdb::io::File would
-// not tell that the disk is full.
+// not report a full disk.
 class MemoryArchive : public openvdb::io::Archive {
  public:
   void write_to(std::ostream& out, const openvdb::GridCPtrVec& grids,

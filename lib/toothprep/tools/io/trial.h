@@ -1,4 +1,4 @@
-// Trying something that may crash, hang or ask for all memory, without doing so.
+// Trying something that may crash, hang or take all memory, without doing so.
 #pragma once
 
 #include <cstddef>

@@ -18,7 +18,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr auto kLook = std::chrono::milliseconds(5);
-constexpr double kTellEvery = 0.25;  // s
+constexpr double kReportEvery = 0.25;  // s
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -103,13 +103,13 @@ class Watcher {
   void watch_over(const RealTimeClient& client, const std::function<LiveStatus()>& status,
                   LiveEnd& end) const {
     const auto began = Clock::now();
-    double told = -kTellEvery;
-    bool scheduling_told = !watch_.real_time || !watch_.tell_scheduling;
+    double reported = -kReportEvery;
+    bool scheduling_told = !watch_.real_time || !watch_.report_scheduling;
     for (;;) {
       const double now = seconds_since(began);
       if (!scheduling_told && !client.scheduling().empty()) {
         scheduling_told = true;
-        watch_.tell_scheduling(client.scheduling());
+        watch_.report_scheduling(client.scheduling());
       }
       if (device_failed(end) || asked(end)) return;
       if (status().vibrates) {
@@ -122,9 +122,9 @@ class Watcher {
         end.reason = "duration";
         return;
       }
-      if (watch_.tell && now - told >= kTellEvery) {
-        told = now;
-        watch_.tell(status(), end.device);
+      if (watch_.report && now - reported >= kReportEvery) {
+        reported = now;
+        watch_.report(status(), end.device);
       }
       std::this_thread::sleep_for(kLook);
     }
@@ -144,7 +144,7 @@ LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& regis
   LiveEnd end;
   RealTimeClient client(loop, watch.real_time);
   const Stop stop{device};
-  if (watch.real_time && watch.tell_scheduling) watch.tell_scheduling(locked_memory());
+  if (watch.real_time && watch.report_scheduling) watch.report_scheduling(locked_memory());
   device.start(client);
   const auto started = Clock::now();
   while (!loop.first_pose()) {
@@ -170,7 +170,7 @@ LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch)
   LiveEnd end;
   RealTimeClient client(loop, watch.real_time);
   const Stop stop{device};
-  if (watch.real_time && watch.tell_scheduling) watch.tell_scheduling(locked_memory());
+  if (watch.real_time && watch.report_scheduling) watch.report_scheduling(locked_memory());
   device.start(client);
   watcher.watch_over(
       client, [&] { return loop.status(); }, end);

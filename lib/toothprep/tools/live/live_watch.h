@@ -17,11 +17,11 @@ struct LiveWatch {
   double stale = 0.1;          // s without a tick: the servo hangs
   double first_pose_wait = 5;  // s
   // Asks the system to run the servo's thread before all others (SCHED_FIFO) and to keep the
-  // program in memory; what came of it is told.
+  // program in memory; the result goes to report_scheduling.
   bool real_time = false;
-  std::function<void(const std::string&)> tell_scheduling;
+  std::function<void(const std::string&)> report_scheduling;
   std::function<bool()> stop_asked;  // looked at every few ms: a signal, a key
-  std::function<void(const LiveStatus&, const DeviceStatus&)> tell;  // a few times a second
+  std::function<void(const LiveStatus&, const DeviceStatus&)> report;  // a few times a second
 };
 
 struct LiveEnd {

@@ -35,8 +35,8 @@ auto whole(const std::string& path, const ScanReadOptions& options, std::vector<
            auto read) {
   const auto source = open_scan(path, options);
   auto volume = read(*source);
-  const auto told = source->notes();
-  if (notes) notes->insert(notes->end(), told.begin(), told.end());
+  const auto own = source->notes();
+  if (notes) notes->insert(notes->end(), own.begin(), own.end());
   return volume;
 }
 

@@ -54,7 +54,7 @@ struct ScanReadOptions {
 // of the machine, before memory is taken.
 std::unique_ptr<ScanSource> open_scan(const std::string& path, const ScanReadOptions& options = {});
 
-// The whole of it. What was changed or assumed on the way is told in `notes`, a sentence each.
+// The whole of it. What was changed or assumed on the way is in `notes`, a sentence each.
 ImageVolume<float> read_scan(const std::string& path, const ScanReadOptions& options,
                              std::vector<std::string>* notes = nullptr);
 ImageVolume<float> read_scan(const std::string& path,

@@ -52,7 +52,7 @@ std::unique_ptr<ScanSource> owning_source(ImageVolume<float> volume, std::string
                                           std::vector<std::string> notes = {});
 
 // visit(first, count, values) for all slices, upwards, in slabs of a few dozen MB; the calls' slabs
-// differ only in how the slices are grouped. `progress` is told the share that is read (0..1).
+// differ only in how the slices are grouped. `progress` gets the share that is read (0..1).
 // Throws InputError for more than 2^31 voxels, and after the last slab if a value was NaN or infinite
 // or the rest of the file shows damage.
 using VisitSlab = std::function<void(int first, int count, const float* values)>;

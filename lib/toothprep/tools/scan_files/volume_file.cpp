@@ -241,7 +241,7 @@ void check_stream(const std::string& path, const DataPlace& place, const Layout&
   }
 }
 
-// What is asked of the file, when it is asked.
+// What is read from the file, and when.
 class InFile : public ScanSource {
  public:
   InFile(const std::string& path, const ImageFrame& frame, const DataPlace& place,

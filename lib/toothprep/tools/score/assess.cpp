@@ -13,10 +13,10 @@
 namespace toothprep {
 namespace {
 
-// A surface that was resampled or laid on another one has a skin of noise; what lies within it
+// A surface that was resampled or laid on another one is noisy; what lies within the tolerance
 // doesn't count as cut.
-constexpr double kResampledSkin = 0.3;  // voxels
-constexpr double kResiduals = 3;        // registration residuals (RMS)
+constexpr double kResampledVoxels = 0.3;  // voxels
+constexpr double kResiduals = 3;          // registration residuals (RMS)
 
 PreparationType type_named(const std::string& name) {
   return static_cast<PreparationType>(
@@ -59,10 +59,10 @@ void add_deviation(Quantities& quantities, const Deviation& deviation, double vo
   add("deviation_within_0_2mm", deviation.share_within_0_2, NAN, "1");
 }
 
-// `solid` in the original's frame and lattice. Adds to `skin` (mm) what the way there left.
+// `solid` in the original's frame and lattice. Raises `surface_tolerance_mm` to the noise of the way.
 Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions& options,
              const char* role, Quantities& quantities, std::vector<std::string>& notes,
-             double& skin) {
+             double& surface_tolerance_mm) {
   Pose motion;
   if (options.register_teeth) {
     const SurfaceRegistration registration = register_surfaces(solid, original);
@@ -74,11 +74,13 @@ Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions&
                                 registration.angle_deg, registration.shift_mm,
                                 registration.residual_rms_mm));
     quantities.push_back({"registration_rms_mm", registration.residual_rms_mm, NAN, "mm"});
-    skin = std::max(skin, kResiduals * registration.residual_rms_mm);
+    surface_tolerance_mm =
+        std::max(surface_tolerance_mm, kResiduals * registration.residual_rms_mm);
   }
   if (!is_identity(motion) || !solid.layered || !original.layered ||
       !same_lattice(solid.tooth.lattice, original.tooth.lattice))
-    skin = std::max(skin, kResampledSkin * original.tooth.lattice.voxel);
+    surface_tolerance_mm =
+        std::max(surface_tolerance_mm, kResampledVoxels * original.tooth.lattice.voxel);
   return on_lattice(solid, original, motion);
 }
 
@@ -129,37 +131,40 @@ Assessment assess(const AssessmentOptions& options) {
   };
   input("original", options.original);
   input("prepared", options.prepared);
-  double skin = 0;  // mm
+  double surface_tolerance_mm = 0;
   const Solid prepared = read_solid(options.prepared, voxel);
   keep_warnings(prepared.warnings);
   const double coarser = std::max(voxel, prepared.tooth.lattice.voxel);
-  result.prepared =
-      placed(prepared, result.original, options, "prepared", quantities, sheet.notes, skin);
+  result.prepared = placed(prepared, result.original, options, "prepared", quantities, sheet.notes,
+                           surface_tolerance_mm);
   if (!options.target.empty()) {
     input("target", options.target);
     Quantities unused;  // the score's residual is that of the prepared tooth
     const Solid target = read_solid(options.target, voxel);
     keep_warnings(target.warnings);
-    result.target = placed(target, result.original, options, "target", unused, sheet.notes, skin);
+    result.target = placed(target, result.original, options, "target", unused, sheet.notes,
+                           surface_tolerance_mm);
   }
 
-  const VolumeComparison volumes = compare_volumes(result.original, result.prepared,
-                                                   result.target ? &*result.target : nullptr, skin);
+  const VolumeComparison volumes =
+      compare_volumes(result.original, result.prepared, result.target ? &*result.target : nullptr,
+                      surface_tolerance_mm);
   add_volumes(quantities, volumes, coarser);
   if (result.target) {
     DeviationOptions deviation;
-    deviation.cut_tolerance_mm = std::max(skin, cut_tolerance(result.original.tooth.lattice));
+    deviation.cut_tolerance_mm =
+        std::max(surface_tolerance_mm, cut_tolerance(result.original.tooth.lattice));
     result.deviation =
         measure_deviation(result.original, result.prepared, *result.target, deviation);
     add_deviation(quantities, *result.deviation, coarser);
   }
 
   // Geometry is measured on facets of about a voxel, which a mesh need not have.
-  result.preparation_surface = result.prepared.layered && skin == 0
+  result.preparation_surface = result.prepared.layered && surface_tolerance_mm == 0
                                    ? result.prepared.surface
                                    : extract_surface(result.prepared.tooth, SurfaceOf::kAll);
   PreparationOptions preparation = options.preparation;
-  preparation.cut_tolerance = skin;
+  preparation.cut_tolerance = surface_tolerance_mm;
   if (options.type) {
     preparation.type = *options.type;
     sheet.type_from = "given";

@@ -38,7 +38,8 @@ struct ScoreSheet {
   std::optional<Vec3> axis;        // unit, W: from the tooth towards its opening
   std::string axis_from;           // "given", "found"
   std::optional<double> voxel_mm;  // the coarser of both teeth
-  std::vector<std::pair<std::string, std::string>> other_options;  // key, value; told as they are
+  std::vector<std::pair<std::string, std::string>>
+      other_options;  // key, value; written as they are
   Quantities quantities;
   std::optional<RubricResult> result;  // nothing: no rubric
   std::vector<std::string> notes;      // remarks; the rubric's own are added

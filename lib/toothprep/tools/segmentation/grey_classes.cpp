@@ -162,7 +162,7 @@ void classes_from_peaks(const std::vector<float>& homogeneous, double low, doubl
            p.mass < 0.01 * (total - largest);
   });
   if (peaks.size() < 3)
-    throw Error("no tooth can be told from its surroundings: its grey values form " +
+    throw Error("no tooth can be distinguished from its surroundings: its grey values form " +
                 std::to_string(peaks.size()) + (peaks.size() == 1 ? " class" : " classes") +
                 (found.empty() ? "" : " (at " + found + ")") +
                 " where surroundings, dentin and enamel are three; " + kRemedy);
@@ -243,7 +243,7 @@ void find_borders(const std::vector<float>& homogeneous, double low, double high
       throw Error("--thresholds: DENTIN must be below ENAMEL, got " + number(dentin) + "," +
                   number(enamel));
     if (dentin <= low || dentin >= high)
-      throw Error("--thresholds: no tooth can be told at DENTIN = " + number(dentin) +
+      throw Error("--thresholds: no tooth is found at DENTIN = " + number(dentin) +
                   "; the scan's grey values lie in " + number(low) + " .. " + number(high));
     classes_between(homogeneous, *hints.thresholds, classes);
   } else if (hints.typical) {
@@ -282,16 +282,16 @@ void check_tooth(const ImageVolume<float>& means, const Mask& tooth, const GreyH
   }
   const std::string at_or_above = " at or above grey value ";
   if (static_cast<double>(tooth_voxels) < kFewestVoxels)
-    throw Error("no tooth can be told from its surroundings: the largest piece" + at_or_above +
-                number(classes.threshold_dentin) + " is " + std::to_string(tooth_voxels) +
-                " voxels; " + kRemedy);
+    throw Error("no tooth can be distinguished from its surroundings: the largest piece" +
+                at_or_above + number(classes.threshold_dentin) + " is " +
+                std::to_string(tooth_voxels) + " voxels; " + kRemedy);
   if (static_cast<double>(tooth_voxels) > 0.95 * static_cast<double>(tooth.size()))
     throw Error(
-        "no tooth can be told from its surroundings: " +
+        "no tooth can be distinguished from its surroundings: " +
         number(100.0 * static_cast<double>(tooth_voxels) / static_cast<double>(tooth.size())) +
         " % of the scan is" + at_or_above + number(classes.threshold_dentin) + "; " + kRemedy);
   if (!hints.thresholds && enamel_voxels < 60)
-    throw Error("no enamel can be told in the tooth: " + std::to_string(enamel_voxels) + " voxels" +
+    throw Error("no enamel is found in the tooth: " + std::to_string(enamel_voxels) + " voxels" +
                 at_or_above + number(classes.threshold_enamel) +
                 "; give --thresholds DENTIN,ENAMEL");
 }
@@ -349,8 +349,9 @@ GreyClasses find_grey_classes(ImageVolume<float> means, const Index3& block,
   smooth(means.size, means.data, 0.7);
   const double low = quantile(means.data, 0.0005), high = quantile(means.data, 0.9995);
   if (!(high > low))
-    throw Error("no tooth can be told from its surroundings: the image is flat (grey value " +
-                number(low) + "); check that it is a scan of one tooth");
+    throw Error(
+        "no tooth can be distinguished from its surroundings: the image is flat (grey value " +
+        number(low) + "); check that it is a scan of one tooth");
   GreyClasses classes;
   classes.darkest = low;
   find_borders(homogeneous_greys(means.size, means.data, high - low), low, high, hints, classes);

@@ -141,7 +141,7 @@ class Slab {
       for (int j = 0; j + 1 < ny_; ++j) visit_row(j, k);
     const float* f = field_ + static_cast<std::size_t>(z0_) * plane_;
     for (std::size_t v = 0; v < static_cast<std::size_t>(z1_ - z0_) * plane_; ++v) {
-      // Never zero: the sign must tell inside from outside.
+      // Never zero: the sign must separate inside from outside.
       const float d = std::max(std::sqrt(best_[v]), 1e-6f);
       best_[v] = f[v] > 0 ? -d : d;
     }

@@ -3,7 +3,7 @@
 // The tooth stands where the scan has it (LPS, mm), on the lattice whose voxels lie side by side
 // from the frame's zero (faces at multiples of the voxel size, as the specimens' do), so that the
 // same tooth gets the same lattice whatever file, crop or axes it came with. This folder's README
-// tells the method and its measured accuracy.
+// describes the method and its measured accuracy.
 #pragma once
 
 #include <array>
@@ -23,14 +23,14 @@ struct VoxelizeOptions {
   double voxel = 0.1;  // mm, of the tooth
   // Grey values of the borders surroundings|dentin and dentin|enamel; automatic when absent.
   std::optional<std::array<double, 2>> thresholds;
-  // Borders pulp|dentin and dentin|enamel that are typical of this kind of scan: they only tell the
+  // Borders pulp|dentin and dentin|enamel that are typical of this kind of scan: they only separate the
   // classes apart, the thresholds are then measured. Not with `thresholds`.
   std::optional<std::array<double, 2>> typical;
   // Which one of several teeth: the n-th largest piece, or the one at a place (mm, W).
   int tooth = 1;
   std::optional<Vec3> tooth_at;
   bool keep_greys = false;  // for the report's pictures
-  // Told what is being done and how much of the whole is done (0..1), now and then.
+  // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
   // Told in advance what memory and time the work will take, if that is much.
   std::function<void(const std::string&)> announce;
@@ -47,7 +47,7 @@ struct VoxelizeReport {
 // Grey scan to tooth: the chosen bright component, of dentin and enamel, and the dark cavity inside
 // as pulp; what is far brighter than enamel is `other`. The scan is read in slabs, once, or twice
 // if the tooth's voxels are about as small as the scan's; memory grows with the tooth's box (about
-// 30 bytes a voxel), not with the scan. Throws Error when no tooth can be told from its
+// 30 bytes a voxel), not with the scan. Throws Error when no tooth can be separated from its
 // surroundings (flat image, one class, nothing but noise) or when it looks like a segmentation,
 // naming what was found, when its two brightest classes can't be dentin and enamel (plausibility.h),
 // or when the tooth would take more memory than there is. Provenance gets threshold_dentin and

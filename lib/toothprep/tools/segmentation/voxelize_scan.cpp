@@ -86,7 +86,7 @@ struct UnderSurface {
 constexpr double kReach = kBandVoxels + 1;
 
 // Below the outer surface greys are mixed with the surroundings': over enamel they pass through
-// dentin's, which by thresholds alone would put a skin of dentin on the enamel. So a voxel takes
+// dentin's, which by thresholds alone would put a layer of dentin on the enamel. So a voxel takes
 // the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
 // and never under dentin. `depth` is the depth below the surface at voxel accuracy.
 UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Field& depth,
@@ -378,12 +378,13 @@ LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions
 
 LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
                            VoxelizeReport* report) {
-  const auto tell = [&](const char* stage, double done) {
+  const auto report = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
-  ScanSurvey seen = survey(scan, options.voxel, [&](double read) { tell("reading", 0.3 * read); });
+  ScanSurvey seen =
+      survey(scan, options.voxel, [&](double read) { report("reading", 0.3 * read); });
   if (!options.thresholds && !options.typical) refuse_segmentation(seen.values);
-  tell("finding the tooth", 0.3);
+  report("finding the tooth", 0.3);
   const ImageFrame& frame = scan.frame();
   const GreyClasses classes =
       find_grey_classes(std::move(seen.class_means), seen.class_block, frame.size,
@@ -395,10 +396,10 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   const WorkBox box =
       box_around(frame, classes.box_min, classes.box_max, options.voxel, margin, options.announce);
 
-  tell("resampling", 0.35);
+  report("resampling", 0.35);
   if (!seen.greys)
     seen.greys = greys_of(scan, options.voxel, voxels_in(frame, box),
-                          [&](double read) { tell("reading the tooth", 0.35 + 0.1 * read); });
+                          [&](double read) { report("reading the tooth", 0.35 + 0.1 * read); });
   Field grey = resample(*seen.greys, box, classes.surroundings);
   if (report) *report = {};
   if (report && options.keep_greys) report->greys = std::move(*seen.greys);
@@ -406,11 +407,11 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   remove_others(box, classes, blur, grey);
   smooth(box.size, grey, smoothing_for(grey, classes, blur));
 
-  tell("finding the pulp", 0.5);
+  report("finding the pulp", 0.5);
   const Cavity cavity = find_cavity(box, grey, classes, blur, margin);
 
   // The solid to a voxel: the largest piece of tissue with its cavities.
-  tell("finding the surface", 0.6);
+  report("finding the surface", 0.6);
   Mask rough(box.voxels());
   for (std::size_t v = 0; v < rough.size(); ++v)
     rough[v] = grey[v] >= classes.threshold_dentin || (!cavity.mask.empty() && cavity.mask[v]);
@@ -422,7 +423,7 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
     const Field depth = depth_below_surface(box.size, rough);
     const UnderSurface under = look_under_surface(box, grey, depth, classes, blur);
     fields.solid = solid_field(box, grey, rough, cavity, under, classes);
-    tell("separating the tissues", 0.7);
+    report("separating the tissues", 0.7);
     add_tissue_fields(box, grey, depth, cavity, under, classes, blur, fields);
   }
   if (!options.thresholds) {
@@ -431,11 +432,11 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   }
   Field().swap(grey);
 
-  tell("measuring distances", 0.8);
+  report("measuring distances", 0.8);
   LayeredTooth tooth = tooth_of(box, std::move(fields));
   tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
   tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
-  tell("done", 1);
+  report("done", 1);
   if (report) {
     report->threshold_dentin = classes.threshold_dentin;
     report->threshold_enamel = classes.threshold_enamel;
