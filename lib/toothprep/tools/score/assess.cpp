@@ -108,6 +108,40 @@ std::vector<std::string> judge_trace(const std::string& file, const Trace& trace
   return warnings;
 }
 
+// The type that is given, or the rubric's, or found by the shape; the sheet says which.
+PreparationType choose_type(const AssessmentOptions& options, const Assessment& result,
+                            const PreparationOptions& preparation, ScoreSheet& sheet) {
+  if (options.type) {
+    sheet.type_from = "given";
+    return *options.type;
+  }
+  if (options.rubric) {
+    sheet.type_from = "the rubric";
+    return type_named(options.rubric->type);
+  }
+  const PreparationType type = guess_type(result.original.tooth, result.prepared.tooth,
+                                          result.preparation_surface, preparation);
+  sheet.type_from = "found";
+  sheet.notes.push_back("taken as a preparation of type " +
+                        std::string(kPreparationTypes[static_cast<std::size_t>(type)]) +
+                        " by its shape; give --type if it is another");
+  return type;
+}
+
+// The recording and its figures; returns what is implausible in it.
+std::vector<std::string> add_process(const AssessmentOptions& options, Assessment& result,
+                                     Quantities& quantities) {
+  result.trace = read_trace(options.trace);
+  if (!result.trace->tooth_sha256.empty() &&
+      result.trace->tooth_sha256 != tooth_sha256(result.original.tooth))
+    result.sheet.notes.push_back(options.trace +
+                                 ": was recorded on another tooth than the original given here");
+  result.process = process_figures(result.trace->rows, options.process);
+  quantities.insert(quantities.end(), result.process->quantities.begin(),
+                    result.process->quantities.end());
+  return judge_trace(options.trace, *result.trace);
+}
+
 }  // namespace
 
 Assessment assess(const AssessmentOptions& options) {
@@ -165,21 +199,7 @@ Assessment assess(const AssessmentOptions& options) {
                                    : extract_surface(result.prepared.tooth, SurfaceOf::kAll);
   PreparationOptions preparation = options.preparation;
   preparation.cut_tolerance = surface_tolerance_mm;
-  if (options.type) {
-    preparation.type = *options.type;
-    sheet.type_from = "given";
-  } else if (options.rubric) {
-    preparation.type = type_named(options.rubric->type);
-    sheet.type_from = "the rubric";
-  } else {
-    preparation.type = guess_type(result.original.tooth, result.prepared.tooth,
-                                  result.preparation_surface, preparation);
-    sheet.type_from = "found";
-    sheet.notes.push_back(
-        "taken as a preparation of type " +
-        std::string(kPreparationTypes[static_cast<std::size_t>(preparation.type)]) +
-        " by its shape; give --type if it is another");
-  }
+  preparation.type = choose_type(options, result, preparation, sheet);
   sheet.type = kPreparationTypes[static_cast<std::size_t>(preparation.type)];
   result.preparation =
       measure_preparation(result.original.tooth, result.prepared.tooth, result.preparation_surface,
@@ -196,15 +216,7 @@ Assessment assess(const AssessmentOptions& options) {
 
   if (!options.trace.empty()) {
     input("trace", options.trace);
-    result.trace = read_trace(options.trace);
-    if (!result.trace->tooth_sha256.empty() &&
-        result.trace->tooth_sha256 != tooth_sha256(result.original.tooth))
-      sheet.notes.push_back(options.trace +
-                            ": was recorded on another tooth than the original given here");
-    keep_warnings(judge_trace(options.trace, *result.trace));
-    result.process = process_figures(result.trace->rows, options.process);
-    quantities.insert(quantities.end(), result.process->quantities.begin(),
-                      result.process->quantities.end());
+    keep_warnings(add_process(options, result, quantities));
   }
 
   sheet.quantities = std::move(quantities);
