@@ -226,10 +226,10 @@ ToothFields fields_of(Shares shares) {
 
 LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels, const NamedLabels& tissues,
                              const VoxelizeOptions& options, VoxelizeReport* report) {
-  const auto report = [&](const char* stage, double done) {
+  const auto progress = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
-  report("finding the labels", 0);
+  progress("finding the labels", 0);
   const TissueOf tissue_of = tissue_by_value(tissues);
   const LabelSurvey seen = survey_of(labels, tissue_of);
   check_named(seen, tissues);
@@ -238,9 +238,9 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels, const Nam
   const WorkBox box = box_around(labels, seen.low.cast<double>(), seen.high.cast<double>(),
                                  options.voxel, margin, options.announce);
 
-  report("resampling", 0.1);
+  progress("resampling", 0.1);
   Shares shares = sampled_shares(labels, tissues, tissue_of, box);
-  report("smoothing", 0.3);
+  progress("smoothing", 0.3);
   smooth_shares(shares, blur);
   std::array<double, kTissueCount> wanted{};  // output voxels
   for (const auto& [named, tissue] : tissues)
@@ -250,9 +250,9 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels, const Nam
   restore_volumes(wanted, shares);
   ToothFields fields = fields_of(std::move(shares));
 
-  report("measuring distances", 0.6);
+  progress("measuring distances", 0.6);
   LayeredTooth tooth = tooth_of(box, std::move(fields));
-  report("done", 1);
+  progress("done", 1);
   if (report) *report = {};
   return tooth;
 }

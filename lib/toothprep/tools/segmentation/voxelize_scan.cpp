@@ -378,13 +378,13 @@ LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions
 
 LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
                            VoxelizeReport* report) {
-  const auto report = [&](const char* stage, double done) {
+  const auto progress = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
   ScanSurvey seen =
-      survey(scan, options.voxel, [&](double read) { report("reading", 0.3 * read); });
+      survey(scan, options.voxel, [&](double read) { progress("reading", 0.3 * read); });
   if (!options.thresholds && !options.typical) refuse_segmentation(seen.values);
-  report("finding the tooth", 0.3);
+  progress("finding the tooth", 0.3);
   const ImageFrame& frame = scan.frame();
   const GreyClasses classes =
       find_grey_classes(std::move(seen.class_means), seen.class_block, frame.size,
@@ -396,10 +396,10 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   const WorkBox box =
       box_around(frame, classes.box_min, classes.box_max, options.voxel, margin, options.announce);
 
-  report("resampling", 0.35);
+  progress("resampling", 0.35);
   if (!seen.greys)
     seen.greys = greys_of(scan, options.voxel, voxels_in(frame, box),
-                          [&](double read) { report("reading the tooth", 0.35 + 0.1 * read); });
+                          [&](double read) { progress("reading the tooth", 0.35 + 0.1 * read); });
   Field grey = resample(*seen.greys, box, classes.surroundings);
   if (report) *report = {};
   if (report && options.keep_greys) report->greys = std::move(*seen.greys);
@@ -407,11 +407,11 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   remove_others(box, classes, blur, grey);
   smooth(box.size, grey, smoothing_for(grey, classes, blur));
 
-  report("finding the pulp", 0.5);
+  progress("finding the pulp", 0.5);
   const Cavity cavity = find_cavity(box, grey, classes, blur, margin);
 
   // The solid to a voxel: the largest piece of tissue with its cavities.
-  report("finding the surface", 0.6);
+  progress("finding the surface", 0.6);
   Mask rough(box.voxels());
   for (std::size_t v = 0; v < rough.size(); ++v)
     rough[v] = grey[v] >= classes.threshold_dentin || (!cavity.mask.empty() && cavity.mask[v]);
@@ -423,7 +423,7 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
     const Field depth = depth_below_surface(box.size, rough);
     const UnderSurface under = look_under_surface(box, grey, depth, classes, blur);
     fields.solid = solid_field(box, grey, rough, cavity, under, classes);
-    report("separating the tissues", 0.7);
+    progress("separating the tissues", 0.7);
     add_tissue_fields(box, grey, depth, cavity, under, classes, blur, fields);
   }
   if (!options.thresholds) {
@@ -432,11 +432,11 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   }
   Field().swap(grey);
 
-  report("measuring distances", 0.8);
+  progress("measuring distances", 0.8);
   LayeredTooth tooth = tooth_of(box, std::move(fields));
   tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
   tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
-  report("done", 1);
+  progress("done", 1);
   if (report) {
     report->threshold_dentin = classes.threshold_dentin;
     report->threshold_enamel = classes.threshold_enamel;
