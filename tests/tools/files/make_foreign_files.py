@@ -142,7 +142,7 @@ def external_storage(f):
 
 def virtual(f):
     layout = h5py.VirtualLayout((n,), "f8")
-    layout[:] = h5py.VirtualSource(folder + "/good_minimal.h5", "time", (T,))[0:1]
+    layout[:] = h5py.VirtualSource(folder + "/good_minimal.h5", "time", (n,))
     unit(f.create_virtual_dataset("time", layout), "s")
 
 

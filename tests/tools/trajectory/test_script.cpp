@@ -84,7 +84,7 @@ TEST(Script, AnAcceleratedLineStartsFromItsSpeedAndMayBrake) {
   EXPECT_THAT(
       error_of(std::string(kTop) + "[[segment]]\nkind='line'\nto_mm=[2.1,0,0]\nspeed_mm_s=2\n"
                                    "acceleration_mm_s2=-1\n"),
-      HasSubstr("segment[0].acceleration_mm_s2: stops the bur after 2.0"));
+      HasSubstr("segment[0].acceleration_mm_s2: stops the bur after 2 of 2.1 mm"));
 }
 
 TEST(Script, AnArcKeepsItsRadiusSpeedAndSense) {
