@@ -205,7 +205,7 @@ class Calibration(CommandTest):
     def test_bad_options(self):
         common = ("calibrate", "--tooth", "block.vdb", "--measured", "rig.h5", *BUR, "-o", "x.json")
         self.refused("weight", *common, "--estimate", "weight")
-        self.refused("no parameter can be told", *common, "--bias", "1e160,0,0")
+        self.refused("no parameter is identifiable", *common, "--bias", "1e160,0,0")
         measurement = ("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", PATH, "-o", "y.h5")
         for words, arguments in (("--bias", (*common, "--bias", "none")), ("--bias", (*common, "--bias", "1,nan,0")),
                                  ("TISSUE=VALUE", (*measurement, "--alpha", "enamel")),

@@ -72,7 +72,7 @@ TEST(Protocol, RefusesWhatItDoesNotUnderstandAndSaysWhatItWould) {
   EXPECT_THAT(error_of("step 0.5 N"), HasSubstr("expected 'for' at its end"));
   EXPECT_THAT(error_of("step 0.5 N for 2 s or so"), HasSubstr("expected the end"));
   EXPECT_THAT(error_of("step 50 N for 2 s"), HasSubstr("at most 5"));
-  EXPECT_THAT(error_of("step nan N for 2 s"), HasSubstr("force"));
+  EXPECT_THAT(error_of("step nan N for 2 s"), HasSubstr("expected a number"));
   EXPECT_THAT(error_of("rest -1 s"), HasSubstr("above 0"));
   EXPECT_THAT(error_of("stiffness-sweep 2..0.2 N/mm in 10 steps of 2 s"),
               HasSubstr("above the first"));

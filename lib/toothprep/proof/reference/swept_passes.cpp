@@ -7,7 +7,7 @@
 namespace toothprep::reference {
 namespace {
 
-constexpr int kLines = 1500;      // across the feed
+constexpr int kLines = 12000;     // across the feed
 constexpr int kGoldenSteps = 40;  // to 4e-9 of the range
 constexpr int kBisections = 34;   // to 6e-11 of it
 constexpr double kGolden = 0.6180339887498949;

@@ -7,6 +7,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/compare/cut_surface.h"
 
@@ -153,6 +154,10 @@ Assessment assess(const AssessmentOptions& options) {
                 options.rubric->type + ", not " +
                 std::string(kPreparationTypes[static_cast<std::size_t>(*options.type)]) +
                 "; choose another rubric");
+
+  for (const std::string* file :
+       {&options.original, &options.prepared, &options.target, &options.trace})
+    if (!file->empty()) regular_file_size(*file);  // before any work
 
   const auto keep_warnings = [&](const std::vector<std::string>& warnings) {
     sheet.warnings.insert(sheet.warnings.end(), warnings.begin(), warnings.end());
