@@ -178,9 +178,10 @@ class DamagedRecordings(unittest.TestCase):
         for line, end in lines:
             for kind in ("pipe", "/dev/zero", "."):
                 os.symlink(kind, self.path("x" + end))
-                command = [{"out.bin": {"mesh": "out.ply", "render": "out.png", "measurement": "out.csv",
-                                        "replay": "out.h5"}.get(line[1] if line[0] == "specimen" else line[0],
-                                                                "out.bin")}.get(x, x) for x in line]
+                name = line[1] if line[0] == "specimen" else line[0]
+                output = "out" + {"mesh": ".ply", "render": ".png", "measurement": ".csv", "replay": ".h5",
+                                  "live": ".h5", "calibrate": ".json", "score": ".json", "export": ".csv"}.get(name, ".bin")
+                command = [output if word == "out.bin" else word for word in line]
                 error = self.assert_refused(*command)
                 self.assertIn(b"x" + end.encode(), error, f"{command} {kind}")
                 os.remove(self.path("x" + end))

@@ -210,7 +210,7 @@ class Calibration(CommandTest):
         for words, arguments in (("--bias", (*common, "--bias", "none")), ("--bias", (*common, "--bias", "1,nan,0")),
                                  ("TISSUE=VALUE", (*measurement, "--alpha", "enamel")),
                                  ("TISSUE=VALUE", (*measurement, "--alpha", "enamel=nan"))):
-            result = self.run_binary(*arguments)
+            result = self.run_tool(*arguments)
             self.assertEqual(result.returncode, 2, result.stderr)
             self.assertIn(words, result.stderr)
 
