@@ -182,7 +182,7 @@ class Tool(unittest.TestCase):
     @classmethod
     def replay(cls, trajectory, *more, bur=BUR, **environment):
         return json.loads(cls.ok("replay", "--tooth", "block.vdb", "--trajectory", trajectory, "--bur", bur, "--drive",
-                                 "direct", "--json", "--force", "-o", "trace.h5", *more, **environment))
+                                 "direct", "--strict", "--json", "--force", "-o", "trace.h5", *more, **environment))
 
     @classmethod
     def live(cls, *args, **environment):

@@ -198,9 +198,10 @@ TEST(Fit, ABiasThatCannotBeIsRefusedOrWarnedOf) {
   for (const double bias : {1e4, 1e160}) {
     FitOptions o;
     o.bias = Vec3(bias, 0, 0);
-    try {
-      EXPECT_FALSE(fit_to(mixed_feed(), mixed_basis(), kRealistic, o).warnings.empty()) << bias;
-    } catch (const Error&) {
+    if (bias > 1e100) {
+      EXPECT_THROW(fit_to(mixed_feed(), mixed_basis(), kRealistic, o), Error);
+    } else {
+      EXPECT_FALSE(fit_to(mixed_feed(), mixed_basis(), kRealistic, o).warnings.empty());
     }
   }
 }

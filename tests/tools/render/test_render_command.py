@@ -53,7 +53,7 @@ class Render(CommandTest):
     def test_numbers_that_are_not_finite_are_wrong_usage(self):
         for option, value in (("--zoom", "nan"), ("--range-mm", "nan"), ("--centre", "1,2,inf"), ("--view", "nan,0,1")):
             done = self.run_tool("render", "molar.vdb", "-o", "x.png", option, value)
-            self.assertIn(done.returncode, (1, 2), f"{option} {value}: {done.stderr}")
+            self.assertEqual(done.returncode, 1 if option == "--view" else 2, f"{option} {value}: {done.stderr}")
             self.assertIn(option.strip("-").removesuffix("-mm"), done.stderr)
             self.assertFalse(os.path.exists(os.path.join(self.folder, "x.png")))
 

@@ -402,7 +402,7 @@ TEST(Voxelize, RefusesWhatIsNoTooth) {
               testing::HasSubstr("no tooth can be distinguished from its surroundings"));
 
   for (std::size_t v = 0; v < scan.data.size(); ++v) scan.data[v] = static_cast<float>(v % 48);
-  EXPECT_THAT(refusal(scan), testing::HasSubstr("no tooth"));
+  EXPECT_THAT(refusal(scan), testing::HasSubstr("no tooth can be distinguished"));
 
   // Labels where greys are expected.
   for (std::size_t v = 0; v < scan.data.size(); ++v) scan.data[v] = static_cast<float>(v / 30000);
