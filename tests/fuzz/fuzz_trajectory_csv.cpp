@@ -1,0 +1,9 @@
+#include "fuzz_target.h"
+#include "toothprep/tools/trajectory/trajectory.h"
+
+namespace toothprep {
+
+const fuzz::Registered k_trajectory_csv(
+    {"trajectory_csv", {"path.csv"}, [](const std::string& path) { read_csv_trajectory(path); }});
+
+}  // namespace toothprep
