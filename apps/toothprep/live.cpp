@@ -1,12 +1,9 @@
 // toothprep live: a session on a haptic device, recorded.
 #include <fmt/format.h>
 #include <signal.h>
-#include <sys/utsname.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <iostream>
-#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -16,24 +13,18 @@
 #include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/core/units.h"
 #include "toothprep/tools/device/openhaptics_device.h"
 #include "toothprep/tools/device/simulated_device.h"
-#include "toothprep/tools/display/display_surface.h"
-#include "toothprep/tools/files/session_recorder.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
-#include "toothprep/tools/live/live_watch.h"
-#include "toothprep/tools/live/tick_statistics.h"
-#include "toothprep/tools/rig_check/protocol.h"
-#include "toothprep/tools/rig_check/protocol_force.h"
+#include "toothprep/tools/live_session/active_check.h"
+#include "toothprep/tools/live_session/live_session.h"
+#include "toothprep/tools/live_session/simulated_hand.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
 namespace {
-
-constexpr double kAbove = 3;  // mm over the tooth, where the bur starts if nothing says where
 
 struct Options {
   SessionOptions session;
@@ -52,48 +43,6 @@ std::uint32_t button_mask(const std::string& text) {
   return text == "none" ? 0u : 1u << (std::stoul(text) - 1);
 }
 
-// The hand of the simulated device: along a path given in W, or about the start.
-HandMotion hand_motion(const Options& o, const Registration& r, const Vec3& start,
-                       std::vector<std::string>& notes) {
-  const Quat to_device = r.rotation.conjugate();
-  const Vec3 origin = r.translation.value_or(start);  // of D, in W
-  const auto pose_of = [&](const Pose& w) {
-    return Pose{to_device * (w.position - origin),
-                to_device * w.orientation * r.stylus_to_bur.conjugate()};
-  };
-  if (o.hand.empty()) {
-    notes.push_back("the simulated hand moves in slow loops; --hand gives it a path");
-    DevicePose centre;
-    const Pose at = pose_of({start, orientation_of_axis(r.rotation * Vec3::UnitY())});
-    centre.position = at.position;
-    centre.orientation = at.orientation;
-    centre.buttons = 1;
-    return gentle_hand(centre, Vec3(2, 1, 2));
-  }
-  std::vector<HandleSample> path = load_trajectory(o.hand).samples;
-  const double from = path.front().time;
-  for (HandleSample& sample : path) {
-    sample.time -= from;
-    sample.pose = pose_of(sample.pose);
-  }
-  return hand_along(std::move(path));
-}
-
-// What a check needs of the simulated hand: rest, a slow swing about the springs' centre, or a slow
-// steady pull against dampers or into the wall.
-HandMotion hand_for(const Protocol& protocol) {
-  constexpr double kSpeed = 0.5;                  // mm/s
-  constexpr double kSwing = 1, kFrequency = 0.5;  // mm, Hz
-  return [kind = protocol.kind](double time) {
-    DevicePose pose;
-    if (kind == ProtocolKind::kDampingSweep) pose.position.x() = kSpeed * time;
-    if (kind == ProtocolKind::kWall) pose.position.y() = -kSpeed * time;
-    if (kind == ProtocolKind::kStiffnessSweep)
-      pose.position.x() = kSwing * std::sin(2 * units::kPi * kFrequency * time);
-    return pose;
-  };
-}
-
 std::unique_ptr<HapticDevice> open_device(const Options& o,
                                           const std::function<HandMotion()>& hand) {
   if (o.device == "openhaptics") {
@@ -110,19 +59,6 @@ std::unique_ptr<HapticDevice> open_device(const Options& o,
   return std::make_unique<SimulatedDevice>(settings);
 }
 
-void check_calibration(HapticDevice& device) {
-  switch (device.calibration()) {
-    case Calibration::kOk:
-      return;
-    case Calibration::kNeedsUpdate:
-      throw Error(
-          "the device is not calibrated; move its arm through the whole workspace, then try again");
-    case Calibration::kNeedsManualInput:
-      throw Error(
-          "the device is not calibrated; put the stylus into its inkwell or rest, then try again");
-  }
-}
-
 ForceLimits limits_of(const Options& o, const DeviceLimits& device) {
   ForceLimits limits;
   limits.period = 1 / device.rate;
@@ -132,58 +68,6 @@ ForceLimits limits_of(const Options& o, const DeviceLimits& device) {
   if (o.vibration_limit) limits.vibration_limit = *o.vibration_limit;
   return limits;
 }
-
-// ---- What is recorded
-
-std::string host_line(const std::string& scheduling) {
-  utsname name{};
-  uname(&name);
-  return std::string(name.sysname) + " " + name.release + " " + name.machine + ", " +
-         std::to_string(sysconf(_SC_NPROCESSORS_ONLN)) + " processors; " + scheduling;
-}
-
-void describe_device(const HapticDevice& device, const Options& o, const ForceLimits& limits,
-                     SessionHeader& header) {
-  const DeviceIdentity& id = device.identity();
-  const DeviceLimits& l = device.limits();
-  header.device_kind = o.device;
-  header.device_name = id.name;
-  header.device_model = id.model;
-  header.device_vendor = id.vendor;
-  header.device_driver = id.driver;
-  header.device_serial = id.serial;
-  header.device_firmware = id.firmware;
-  if (device.mirror_identity()) header.mirror_model = device.mirror_identity()->model;
-  header.rate_hz = l.rate;
-  header.max_force_n = l.max_force;
-  header.max_continuous_force_n = l.max_continuous_force;
-  header.max_stiffness_n_per_mm = l.max_stiffness;
-  header.max_damping_n_s_per_mm = l.max_damping;
-  header.workspace_min = l.workspace.min();
-  header.workspace_max = l.workspace.max();
-  header.limit_notes = l.notes;
-  header.force_limit_n = limits.max_force;
-  header.force_rate_limit_n_per_s = limits.max_force_rate;
-  header.pedal = o.pedal;
-  header.host = host_line(o.no_real_time ? "normal priority" : "real-time priority asked for");
-}
-
-// Every tick to the recorder, the display and the figures of the end.
-class Sinks final : public TickSink {
- public:
-  Sinks(SessionRecorder* recorder, DisplaySurface* display)
-      : recorder_(recorder), display_(display) {}
-  void take(const LiveTick& tick) noexcept override {
-    statistics.add(tick);
-    if (recorder_) recorder_->push(tick);
-    if (display_) display_->tick();
-  }
-  TickStatistics statistics;
-
- private:
-  SessionRecorder* recorder_;
-  DisplaySurface* display_;
-};
 
 // ---- Signals: held back everywhere, looked at by the main thread.
 
@@ -210,21 +94,14 @@ class Signals {
 
 // ---- Progress and figures
 
-LiveWatch watch_for(const Options& o, const Common& common, Signals& signals,
-                    const SessionRecorder* recorder) {
+LiveWatch watch_for(const Options& o, const Common& common, Signals& signals) {
   LiveWatch watch;
   watch.duration = o.duration;
   watch.stop_asked = [&signals] { return signals.came(); };
   watch.real_time = !o.no_real_time;
   watch.report_scheduling = [&common](const std::string& line) { say(common, line); };
-  const bool terminal = !common.quiet && isatty(STDERR_FILENO) != 0;
-  watch.report = [terminal, recorder, warned = false, steps = std::int64_t{0}](
-                     const LiveStatus& s, const DeviceStatus& d) mutable {
-    if (recorder && recorder->failure() && !warned) {
-      warned = true;
-      warn("the recording stopped: " + *recorder->failure() + "; the session goes on");
-    }
-    if (!terminal) return;
+  if (common.quiet || isatty(STDERR_FILENO) == 0) return watch;
+  watch.report = [steps = std::int64_t{0}](const LiveStatus& s, const DeviceStatus& d) mutable {
     std::fprintf(
         stderr, "\r%6.1f s  %5lld ticks/s  force %5.2f N  lag %5.3f mm  removed %7.3f mm3  %s%s   ",
         d.time, static_cast<long long>((s.steps - steps) * 4), s.force, s.lag,
@@ -239,33 +116,9 @@ LiveWatch watch_for(const Options& o, const Common& common, Signals& signals,
   return watch;
 }
 
-EnergyAudit audit_of(const SessionTotals& t, const Parameters& parameters) {
-  EnergyAudit audit{t.torque_work, 0, std::numeric_limits<double>::quiet_NaN()};
-  for (int k = 0; k < kTissueCount; ++k)
-    audit.removed_energy_mj += parameters.tissue[k].specific_energy * t.removed[k];
-  if (audit.removed_energy_mj > 0)
-    audit.energy_ratio = audit.torque_work_mj / audit.removed_energy_mj;
-  return audit;
-}
-
-// What the totals of a session say of it; nothing of an active check.
-struct Judged {
-  Audit audit;
-  std::vector<Finding> findings;
-};
-
-Judged judged(const SessionTotals& t, const EnergyAudit& audit, const Parameters& parameters,
-              Drive drive) {
-  Judged j;
-  j.audit = judge_audit(audit.torque_work_mj, audit.removed_energy_mj, t.removed, parameters);
-  j.findings =
-      judge_run(judge_parameters(parameters), j.audit, t.peak_device_force, t.largest_lag, drive);
-  return j;
-}
-
-nlohmann::ordered_json report_json(const TickStatistics& t, const LiveEnd& end, const Options& o,
-                                   const HapticDevice& device,
-                                   const std::optional<Judged>& judged) {
+nlohmann::ordered_json report_json(const RecordedRun& run, const Options& o,
+                                   const HapticDevice& device, const LiveOutcome* session) {
+  const TickStatistics& t = run.ticks;
   nlohmann::ordered_json j;
   j["schema"] = "toothprep-live";
   j["session"] = o.output;
@@ -282,10 +135,10 @@ nlohmann::ordered_json report_json(const TickStatistics& t, const LiveEnd& end, 
   j["clamped_ticks"] = t.clamped;
   j["rate_limited_ticks"] = t.rate_limited;
   j["heat_limited_ticks"] = t.heat_limited;
-  j["faults"] = end.device.faults;
-  j["end_reason"] = end.reason;
-  j["fault"] = end.fault;
-  if (judged) put_judgement(j, judged->audit, judged->findings);
+  j["faults"] = run.end.device.faults;
+  j["end_reason"] = run.end.reason;
+  j["fault"] = run.end.fault;
+  if (session && session->totals) put_judgement(j, session->audit, session->findings);
   return j;
 }
 
@@ -298,146 +151,106 @@ void report_ticks(const Common& common, const TickStatistics& t) {
                           t.step.quantile(0.5), t.step.quantile(0.999), t.step.worst()));
 }
 
-RecorderOptions recording_of(const Options& o) {
-  RecorderOptions options;
-  options.replace = o.force;
-  return options;
-}
-
 // ---- The two kinds of run
 
-Vec3 start_above(const LayeredTooth& tooth, const Registration& registration) {
-  const Box box = bounds_of_solid(tooth);
-  const Vec3 up = registration.rotation * Vec3::UnitY(), centre = 0.5 * (box.min + box.max);
-  return centre + up * (0.5 * up.cwiseAbs().dot(box.max - box.min) + kAbove);
+RecordTarget record_target(const Options& o) {
+  RecordTarget target;
+  target.path = o.output;
+  target.replace = o.force;
+  target.header.device_kind = o.device;
+  target.header.pedal = o.pedal;
+  target.header.trace.bur = o.session.bur;
+  target.header.trace.toothprep_version = kVersion;
+  return target;
 }
 
-void check_rate(const HapticDevice& device, double time_step) {
-  if (std::abs(device.limits().rate * time_step - 1) > 1e-6)
-    throw Error(
-        fmt::format("the device's servo runs at {:g} Hz, the model's step is {:g} s; give "
-                    "--rate-hz or --time-step-s",
-                    device.limits().rate, time_step));
-}
-
-void finish(const Options& o, const Common& common, const LiveEnd& end, SessionRecorder& recorder,
-            const EnergyAudit& audit, const Sinks& sinks, const HapticDevice& device,
-            const std::optional<Judged>& judged = {}) {
+// Prints the run's figures; throws Error if it ended by a fault or its recording isn't whole.
+void report(const Options& o, const Common& common, const HapticDevice& device,
+            const RecordedRun& run, const LiveOutcome* session) {
   if (!common.quiet && isatty(STDERR_FILENO) != 0) std::fputc('\n', stderr);
-  std::string failure;
-  try {
-    recorder.finish({audit, end.reason});
-  } catch (const Error& e) {
-    failure = e.what();
-  }
-  report_ticks(common, sinks.statistics);
-  if (recorder.dropped() > 0)
-    warn(fmt::format("{} ticks could not be recorded", recorder.dropped()));
-  say(common, o.output + ": " + std::to_string(recorder.rows()) + " rows; ended by: " + end.reason);
-  if (o.json) std::cout << json_text(report_json(sinks.statistics, end, o, device, judged));
-  if (end.fault) throw Error(end.reason + " (recorded in " + o.output + ")");
-  if (!failure.empty()) throw Error(failure);
-  if (judged) warn_or_refuse(o.output, judged->findings, o.strict);
+  report_ticks(common, run.ticks);
+  if (run.dropped > 0) warn(fmt::format("{} ticks could not be recorded", run.dropped));
+  say(common, fmt::format("{}: {} rows; ended by: {}", o.output, run.rows, run.end.reason));
+  if (o.json) std::cout << json_text(report_json(run, o, device, session));
+  if (run.end.fault) throw Error(run.end.reason + " (recorded in " + o.output + ")");
+  if (!run.failure.empty()) throw Error(run.failure);
 }
 
-void run_session(const Options& o, const Common& common, Signals& signals, Outputs& outputs) {
-  const std::string prepared = outputs.optional_file(o.prepared, {".vdb"});
-  outputs.begin();
-  const Parameters parameters = load_parameters(o.session);
-  const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
-  const Registration registration =
-      o.registration.empty() ? Registration() : read_registration(o.registration);
-  if (registration.translation && !o.start.empty())
-    throw Error(o.registration +
-                ": has a translation, so --start-mm can't say where the hand starts");
-  LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
-  Vec3 start = start_above(tooth, registration);
-  if (!o.start.empty())
-    start = Vec3(o.start[0], o.start[1], o.start[2]);
-  else if (!o.hand.empty())
-    start = load_trajectory(o.hand).samples.front().pose.position;
-
-  std::vector<std::string> notes;
-  const auto device = open_device(o, [&] { return hand_motion(o, registration, start, notes); });
-  for (const auto& note : notes) say(common, note);
-  for (const auto& note : device->limits().notes) warn(note);
-  check_calibration(*device);
-  check_rate(*device, parameters.time_step);
-  if (parameters.coupling.stiffness > device->limits().max_stiffness &&
-      o.session.drive == "coupled")
-    warn(
-        fmt::format("the coupling's {:.2f} N/mm is above the {:.2f} N/mm that the device is said "
-                    "to render stably; --stiffness-n-per-mm sets it",
-                    parameters.coupling.stiffness, device->limits().max_stiffness));
-  const ForceLimits limits = limits_of(o, device->limits());
-
-  SessionHeader header;
-  header.trace.parameters_toml = to_toml(parameters);
-  header.trace.tooth_sha256 = tooth_sha256(tooth);
-  header.trace.toothprep_version = kVersion;
-  header.trace.bur = o.session.bur;
-  header.trace.drive = o.session.drive;
-  header.trace.engine = engine_name(parameters);
-  describe_device(*device, o, limits, header);
-  header.registration = HandleFrame(registration, Vec3::Zero(), start).device_to_world();
-
-  Workpiece workpiece(tooth);
-  std::unique_ptr<DisplaySurface> display;
-  if (o.display_hz > 0) {
-    DisplayOptions options;
-    options.rate = o.display_hz;
-    display = std::make_unique<DisplaySurface>(workpiece, options);
-  }
-  SessionRecorder recorder(o.output, header, recording_of(o));
-  Sinks sinks(&recorder, display.get());
-  LiveLoop loop(limits, {button_mask(o.pedal), button_mask(o.clutch)}, &sinks);
-  std::unique_ptr<Session> session;
-  const std::optional<Vec3> laid = registration.translation ? std::optional<Vec3>() : start;
-  if (display) display->start();
-  const LiveEnd end = run_live(
-      *device, loop, registration, laid, parameters.time_step,
-      [&](const Pose& pose) -> Session& {
-        HandleSample first;
-        first.pose = pose;
-        session = std::make_unique<Session>(bur, workpiece, parameters, drive_of(o.session), first);
-        return *session;
-      },
-      watch_for(o, common, signals, &recorder));
-
-  EnergyAudit audit;
-  audit.energy_ratio = std::numeric_limits<double>::quiet_NaN();
-  if (session) {
-    const SessionTotals& t = session->totals();
-    audit = audit_of(t, parameters);
+void report_session(const Common& common, const LiveOutcome& outcome) {
+  if (outcome.totals) {
+    const SessionTotals& t = *outcome.totals;
     say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} "
                             "mm^3; peak force {:.2f} N; stalled in {} steps",
                             t.removed[0], t.removed[1], t.removed[2], t.removed[3],
                             t.peak_device_force, t.stalled_steps));
+    say(common, audit_text(outcome.audit));
   }
-  if (display) {
-    display->finish();
-    const DisplayStats d = display->stats();
+  if (outcome.display) {
+    const DisplayStats& d = *outcome.display;
     say(common,
         fmt::format(
             "display: {:.1f} passes/s, {} blocks redone, latency {:.0f} ms median, {:.0f} ms worst",
             d.rate, d.blocks, 1e3 * d.latency_median, 1e3 * d.latency_worst));
   }
+}
+
+Vec3 start_of(const Options& o, const LayeredTooth& tooth, const Registration& registration) {
+  if (!o.start.empty()) return {o.start[0], o.start[1], o.start[2]};
+  if (!o.hand.empty()) return load_trajectory(o.hand).samples.front().pose.position;
+  return start_above(tooth, registration);
+}
+
+void run_session(const Options& o, const Common& common, Signals& signals, Outputs& outputs) {
+  const std::string prepared = outputs.optional_file(o.prepared, {".vdb"});
+  outputs.begin();
+  LiveSettings settings;
+  settings.parameters = load_parameters(o.session);
+  settings.drive = drive_of(o.session);
+  const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
+  if (!o.registration.empty()) settings.registration = read_registration(o.registration);
+  if (settings.registration.translation && !o.start.empty())
+    throw Error(o.registration +
+                ": has a translation, so --start-mm can't say where the hand starts");
+  LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
+  settings.start = start_of(o, tooth, settings.registration);
+
+  const auto device = open_device(o, [&] {
+    if (!o.hand.empty())
+      return hand_along_world_path(load_trajectory(o.hand).samples, settings.registration,
+                                   settings.start);
+    say(common, "the simulated hand moves in slow loops; --hand gives it a path");
+    return hand_in_loops(settings.registration, settings.start);
+  });
+  const DeviceLimits& limits = device->limits();
+  for (const auto& note : limits.notes) warn(note);
+  const double stiffness = settings.parameters.coupling.stiffness;
+  if (stiffness > limits.max_stiffness && settings.drive == Drive::kCoupled)
+    warn(
+        fmt::format("the coupling's {:.2f} N/mm is above the {:.2f} N/mm that the device is said "
+                    "to render stably; --stiffness-n-per-mm sets it",
+                    stiffness, limits.max_stiffness));
+  settings.limits = limits_of(o, limits);
+  settings.buttons = {button_mask(o.pedal), button_mask(o.clutch)};
+  settings.display_hz = o.display_hz;
+  settings.watch = watch_for(o, common, signals);
+  settings.warn = warn;
+
+  Workpiece workpiece(tooth);
+  const LiveOutcome outcome =
+      run_live_session(*device, bur, tooth, workpiece, settings, record_target(o));
   std::string failure;
   if (!prepared.empty()) {
     apply_remaining_solid(tooth, workpiece.remaining_solid());
     try {
       write_tooth(tooth, prepared);
       outputs.publish();
-    } catch (const Error& e) {  // the recording is finished all the same
+    } catch (const Error& e) {  // the session's figures are printed all the same
       failure = e.what();
     }
   }
-  std::optional<Judged> judgement;
-  if (session) {
-    judgement = judged(session->totals(), audit, parameters, drive_of(o.session));
-    say(common, audit_text(judgement->audit));
-  }
-  finish(o, common, end, recorder, audit, sinks, *device, judgement);
+  report_session(common, outcome);
+  report(o, common, *device, outcome.run, &outcome);
+  warn_or_refuse(o.output, outcome.findings, o.strict);
   if (!failure.empty()) throw Error(failure);
 }
 
@@ -446,29 +259,11 @@ void run_protocol(const Options& o, const Common& common, Signals& signals, Outp
   const Protocol protocol = parse_protocol(o.protocol);
   const auto device = open_device(o, [&] { return hand_for(protocol); });
   for (const auto& note : device->limits().notes) warn(note);
-  check_calibration(*device);
-  const ForceLimits limits = limits_of(o, device->limits());
-
-  SessionHeader header;
-  Parameters parameters = preset_parameters("paper");
-  parameters.time_step = limits.period;
-  header.trace.parameters_toml = to_toml(parameters);
-  header.trace.toothprep_version = kVersion;
-  header.trace.drive = "direct";
-  header.trace.engine = engine_name(parameters);
-  describe_device(*device, o, limits, header);
-  header.protocol = print_protocol(protocol);
-
-  say(common, "active check: " + header.protocol + "; hold the stylus lightly (rest: not at all)");
-  SessionRecorder recorder(o.output, header, recording_of(o));
-  Sinks sinks(&recorder, nullptr);
-  ProbeLoop loop(limits, protocol_force(protocol, limits.period), &sinks);
-  LiveWatch watch = watch_for(o, common, signals, &recorder);
-  watch.duration = protocol_duration(protocol);
-  const LiveEnd end = run_probe(*device, loop, watch);
-  EnergyAudit audit;
-  audit.energy_ratio = std::numeric_limits<double>::quiet_NaN();
-  finish(o, common, end, recorder, audit, sinks, *device);
+  say(common,
+      "active check: " + print_protocol(protocol) + "; hold the stylus lightly (rest: not at all)");
+  const RecordedRun run = run_active_check(*device, protocol, limits_of(o, device->limits()),
+                                           watch_for(o, common, signals), warn, record_target(o));
+  report(o, common, *device, run, nullptr);
 }
 
 void run(const Options& o, const Common& common) {

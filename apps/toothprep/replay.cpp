@@ -107,7 +107,7 @@ void run(const Options& o, const Common& common) {
   trace.toothprep_version = kVersion;
   trace.bur = o.session.bur;
   trace.drive = o.session.drive;
-  trace.engine = engine_name(parameters);
+  trace.engine = name_of(parameters.engine);
 
   Workpiece workpiece(tooth);
   const bool terminal = !common.quiet && isatty(2);

@@ -51,10 +51,6 @@ Drive drive_of(const SessionOptions& o) {
   return o.drive == "direct" ? Drive::kDirect : Drive::kCoupled;
 }
 
-const char* engine_name(const Parameters& p) {
-  return p.engine == EngineKind::kLevelset ? "levelset" : "voxel";
-}
-
 Trajectory load_trajectory(const std::string& path) {
   const std::string extension = std::filesystem::path(path).extension().string();
   if (extension == ".toml") return read_script(path);

@@ -22,7 +22,6 @@ void add_session_options(CLI::App& sub, SessionOptions& options);
 Parameters load_parameters(const SessionOptions& options);
 
 Drive drive_of(const SessionOptions& options);
-const char* engine_name(const Parameters& parameters);
 
 // A script (.toml), .csv or .h5, by its name.
 Trajectory load_trajectory(const std::string& path);

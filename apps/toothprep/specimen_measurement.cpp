@@ -147,7 +147,7 @@ void run(const Options& o, const Common& common) {
   trace.toothprep_version = kVersion;
   trace.bur = o.bur;
   trace.drive = o.drive;
-  trace.engine = engine_name(parameters);
+  trace.engine = name_of(parameters.engine);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
   if (has_extension(output, ".csv"))

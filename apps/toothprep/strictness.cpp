@@ -6,9 +6,7 @@
 
 #include "command.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/core/step_record.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/memory_limit.h"
 
 namespace toothprep::app {
 
@@ -53,21 +51,6 @@ void put_judgement(Json& j, const Audit& audit, const std::vector<Finding>& find
   j["energy_audit_range"] = {audit.low, audit.high};
   j["plausible"] = findings.empty();
   j["findings"] = findings_json(findings);
-}
-
-void check_run_memory(const std::string& path, const Trajectory& motion, double time_step) {
-  if (motion.samples.empty()) return;
-  const double steps =
-      std::floor((motion.samples.back().time - motion.samples.front().time) / time_step);
-  if (steps > static_cast<double>(kMostSamples)) return;  // resample() refuses it
-  // The motion at the step rate, the rows, and what writes them.
-  const double bytes = steps * (sizeof(HandleSample) + sizeof(StepRecord) + 8 * sizeof(double));
-  const auto free = static_cast<double>(available_memory());
-  if (bytes > free)
-    throw InputError(path, "",
-                     fmt::format("makes {:.0f} steps, which take {} of memory where {} are free",
-                                 steps, size_text(bytes), size_text(free)),
-                     "cut the recording into pieces, or take a longer --time-step-s");
 }
 
 }  // namespace toothprep::app

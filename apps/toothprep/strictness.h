@@ -8,7 +8,6 @@
 
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/step/tooth/layered_tooth.h"
-#include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep::app {
 
@@ -28,9 +27,5 @@ nlohmann::ordered_json findings_json(const std::vector<Finding>& findings);
 // The keys energy_audit, energy_audit_range, plausible and findings of a run.
 void put_judgement(nlohmann::ordered_json& j, const Audit& audit,
                    const std::vector<Finding>& findings);
-
-// Throws InputError if a run along the motion that was read from `path` takes more memory than
-// there is.
-void check_run_memory(const std::string& path, const Trajectory& motion, double time_step);
 
 }  // namespace toothprep::app

@@ -1,8 +1,8 @@
 // toothprep voxelize: a CT scan, a segmentation or closed shells to a layered tooth.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <chrono>
-#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -68,12 +68,6 @@ std::array<double, 3> parse_spacing(const std::string& text) {
   return spacing;
 }
 
-std::string format(const char* pattern, auto... values) {
-  std::array<char, 512> text{};
-  std::snprintf(text.data(), text.size(), pattern, values...);
-  return text.data();
-}
-
 // "N" or "X,Y,Z" (mm).
 void choose_tooth(const std::string& text, VoxelizeOptions& how) {
   const auto parts = CLI::detail::split(text, ',');
@@ -95,8 +89,8 @@ std::string presets_file() { return data_folder() + "/scans/hounsfield.toml"; }
 
 void print_presets() {
   for (const HounsfieldPreset& p : read_hounsfield_presets(presets_file()))
-    std::cout << format("%-18s %6.0f %6.0f  %s\n", p.name.c_str(), p.pulp_dentin, p.dentin_enamel,
-                        p.description.c_str());
+    std::cout << fmt::format("{:<18} {:6.0f} {:6.0f}  {}\n", p.name, p.pulp_dentin, p.dentin_enamel,
+                             p.description);
   std::cerr << "Borders pulp|dentin and dentin|enamel, HU; sources stand in " << presets_file()
             << '\n';
 }
@@ -120,9 +114,9 @@ std::vector<std::pair<Tissue, std::string>> parse_meshes(const std::vector<std::
 std::function<void(const std::string&, double)> progress_line() {
   return [](const std::string& stage, double done) {
     if (done < 1)
-      std::cerr << format("\r%3.0f %%  %-30s", 100 * done, stage.c_str()) << std::flush;
+      std::cerr << fmt::format("\r{:3.0f} %  {:<30}", 100 * done, stage) << std::flush;
     else
-      std::cerr << format("\r%-38s\r", "") << std::flush;
+      std::cerr << fmt::format("\r{:<38}\r", "") << std::flush;
   };
 }
 
@@ -148,9 +142,8 @@ void finish(const LayeredTooth& tooth, const Options& options, const Common& com
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   std::string line = options.output + ":";
   for (int t = 0; t < kTissueCount; ++t)
-    if (volumes[t] > 0)
-      line += format(" %s %.2f mm3,", std::string(kTissueNames[t]).c_str(), volumes[t]);
-  say(common, line + format(" voxel %.4g mm, %.1f s", options.voxel_mm, seconds));
+    if (volumes[t] > 0) line += fmt::format(" {} {:.2f} mm3,", kTissueNames[t], volumes[t]);
+  say(common, line + fmt::format(" voxel {:.4g} mm, {:.1f} s", options.voxel_mm, seconds));
   if (!options.json) return;
   nlohmann::json json = {{"schema", "toothprep-voxelize"},
                          {"schema_version", 1},
@@ -211,11 +204,12 @@ ScanJob job_of(const Options& options) {
 nlohmann::json greys_of(const Options& options, const Common& common,
                         const VoxelizeReport& report) {
   say(common,
-      format("thresholds %.4g (dentin), %.4g (enamel)%s; grey values: surroundings %.4g, dentin "
-             "%.4g, enamel %.4g",
-             report.threshold_dentin, report.threshold_enamel,
-             options.thresholds.empty() ? ", automatic" : "", report.surroundings, report.dentin,
-             report.enamel));
+      fmt::format(
+          "thresholds {:.4g} (dentin), {:.4g} (enamel){}; grey values: surroundings {:.4g}, dentin "
+          "{:.4g}, enamel {:.4g}",
+          report.threshold_dentin, report.threshold_enamel,
+          options.thresholds.empty() ? ", automatic" : "", report.surroundings, report.dentin,
+          report.enamel));
   return {{"threshold_dentin", report.threshold_dentin},
           {"threshold_enamel", report.threshold_enamel},
           {"grey_surroundings", report.surroundings},

@@ -100,11 +100,6 @@ std::string FigureContext::write_layers(const Experiment& experiment, const std:
   return file;
 }
 
-const char* name_of(EngineKind engine) {
-  return engine == EngineKind::kVoxel ? "voxel" : "levelset";
-}
-const char* name_of(Drive drive) { return drive == Drive::kDirect ? "direct" : "coupled"; }
-
 RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const Exact* exact) {
   const ReplayResult& r = outcome.replay;
   RunReport report;

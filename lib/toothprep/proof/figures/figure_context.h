@@ -49,8 +49,6 @@ class FigureContext {
   std::mutex mutex_;
 };
 
-const char* name_of(EngineKind engine);
-const char* name_of(Drive drive);
 // The figures of a replay; those of a comparison too if `exact` is given.
 RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const Exact* exact);
 

@@ -145,6 +145,12 @@ void read_handpiece(StrictTable& table, Handpiece& handpiece) {
 
 }  // namespace
 
+const char* name_of(EngineKind engine) {
+  return engine == EngineKind::kVoxel ? "voxel" : "levelset";
+}
+
+const char* name_of(Drive drive) { return drive == Drive::kDirect ? "direct" : "coupled"; }
+
 Parameters preset_parameters(const std::string& name) {
   const auto tissue = [](double u_joule_per_mm3) {
     return GrindingProperties{units::from_joule_per_mm3(u_joule_per_mm3), 0.25};
@@ -261,8 +267,7 @@ std::string to_toml(const Parameters& p) {
   text += "attached_without_contact = " + flag(p.coupling.attached_without_contact) + "\n";
   text += "\n[step]\ntime_step_s = " + toml_number(p.time_step) +
           "\nrotation_feed = " + flag(p.rotation_feed) + "\n";
-  text += std::string("\n[engine]\nkind = \"") +
-          (p.engine == EngineKind::kVoxel ? "voxel" : "levelset") +
+  text += std::string("\n[engine]\nkind = \"") + name_of(p.engine) +
           "\"\ntrailing_elements = " + flag(p.trailing_elements) + "\n";
   return text;
 }

@@ -44,6 +44,8 @@ struct Coupling {
 
 enum class EngineKind { kLevelset, kVoxel };
 enum class Drive { kCoupled, kDirect };
+const char* name_of(EngineKind engine);  // "levelset", "voxel"
+const char* name_of(Drive drive);        // "coupled", "direct"
 
 struct Parameters {
   std::string preset = "paper";

@@ -3,6 +3,7 @@
 #include "toothprep/tools/scan_files/image_file.h"
 
 // All of Eigen stands before ITK, which brings an older copy of it with the same include guards.
+#include <fmt/format.h>
 #include <itkGDCMImageIO.h>
 #include <itkImageFileReader.h>
 #include <itkImageFileWriter.h>
@@ -12,7 +13,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <functional>
@@ -240,12 +240,11 @@ void write_dicom_series(const ImageVolume<std::int16_t>& image, const std::strin
 
   write_in_trial(folder, image.data.size() * sizeof(std::int16_t), [&] {
     for (int k = 0; k < image.size.z(); ++k) {
-      std::array<char, 32> name{};
-      std::snprintf(name.data(), name.size(), "slice_%04d.dcm", k + 1);
+      const std::string name = fmt::format("slice_{:04d}.dcm", k + 1);
       try {
-        write_slice(image, k, seed, (fs::path(folder) / name.data()).string());
+        write_slice(image, k, seed, (fs::path(folder) / name).string());
       } catch (const itk::ExceptionObject& e) {
-        throw Error(std::string(name.data()) + ": " + description(e));
+        throw Error(name + ": " + description(e));
       }
     }
   });

@@ -1,11 +1,12 @@
 #include "toothprep/tools/scan_files/volume_header.h"
 
+#include <fmt/printf.h>
+
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <sstream>
@@ -182,10 +183,9 @@ std::vector<std::string> nrrd_files(const std::string& path, const std::string& 
         value.find('%', kind) != std::string::npos)
       throw InputError(path, "data file", "'" + value + "' is no pattern of files", kDamaged);
     for (long n = first; step > 0 ? n <= last : n >= last; n += step) {
-      std::array<char, 128> digits{};  // three digits of width at most
-      std::snprintf(digits.data(), digits.size(),
-                    pattern.substr(percent, kind - percent + 1).c_str(), static_cast<int>(n));
-      names.push_back(pattern.substr(0, percent) + digits.data() + pattern.substr(kind + 1));
+      names.push_back(pattern.substr(0, percent) +
+                      fmt::sprintf(pattern.substr(percent, kind - percent + 1), n) +
+                      pattern.substr(kind + 1));
       if (names.size() > kMostFiles) break;
     }
   } else {

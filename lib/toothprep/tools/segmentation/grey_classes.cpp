@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <string>
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
+#include "toothprep/tools/segmentation/work_box.h"
 
 namespace toothprep {
 namespace {
@@ -19,12 +19,6 @@ namespace {
 constexpr double kReducedVoxels = 6e6;  // classes are found on so many block means at most
 constexpr double kFewestVoxels = 200;   // of a tooth, of such means
 constexpr int kBins = 1024;
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
 
 constexpr const char* kRemedy =
     "check that it is a scan of one tooth, or give --thresholds DENTIN,ENAMEL";
@@ -127,7 +121,7 @@ std::vector<Peak> find_peaks(const std::vector<float>& values, double low, doubl
 
 std::string list_of(const std::vector<Peak>& peaks) {
   std::string text;
-  for (const auto& peak : peaks) text += (text.empty() ? "" : ", ") + number(peak.grey);
+  for (const auto& peak : peaks) text += (text.empty() ? "" : ", ") + short_number(peak.grey);
   return text;
 }
 
@@ -205,10 +199,11 @@ std::uint32_t choose_piece(const ImageVolume<float>& means, const Components& pa
   const auto list = [&] {
     std::string text;
     for (std::size_t n = 0; n < count; ++n)
-      text += (n ? ", " : "") + std::to_string(n + 1) + ": " + number(classes.pieces[n].volume) +
-              " mm3 at (" + number(classes.pieces[n].centre.x()) + ", " +
-              number(classes.pieces[n].centre.y()) + ", " + number(classes.pieces[n].centre.z()) +
-              ")";
+      text += (n ? ", " : "") + std::to_string(n + 1) + ": " +
+              short_number(classes.pieces[n].volume) + " mm3 at (" +
+              short_number(classes.pieces[n].centre.x()) + ", " +
+              short_number(classes.pieces[n].centre.y()) + ", " +
+              short_number(classes.pieces[n].centre.z()) + ")";
     return text;
   };
   if (hints.tooth_at) {
@@ -240,11 +235,12 @@ void find_borders(const std::vector<float>& homogeneous, double low, double high
   if (hints.thresholds) {
     const auto& [dentin, enamel] = *hints.thresholds;
     if (!std::isfinite(dentin) || !std::isfinite(enamel) || !(dentin < enamel))
-      throw Error("--thresholds: DENTIN must be below ENAMEL, got " + number(dentin) + "," +
-                  number(enamel));
+      throw Error("--thresholds: DENTIN must be below ENAMEL, got " + short_number(dentin) + "," +
+                  short_number(enamel));
     if (dentin <= low || dentin >= high)
-      throw Error("--thresholds: no tooth is found at DENTIN = " + number(dentin) +
-                  "; the scan's grey values lie in " + number(low) + " .. " + number(high));
+      throw Error("--thresholds: no tooth is found at DENTIN = " + short_number(dentin) +
+                  "; the scan's grey values lie in " + short_number(low) + " .. " +
+                  short_number(high));
     classes_between(homogeneous, *hints.thresholds, classes);
   } else if (hints.typical) {
     classes_between(homogeneous, *hints.typical, classes);
@@ -283,16 +279,17 @@ void check_tooth(const ImageVolume<float>& means, const Mask& tooth, const GreyH
   const std::string at_or_above = " at or above grey value ";
   if (static_cast<double>(tooth_voxels) < kFewestVoxels)
     throw Error("no tooth can be distinguished from its surroundings: the largest piece" +
-                at_or_above + number(classes.threshold_dentin) + " is " +
+                at_or_above + short_number(classes.threshold_dentin) + " is " +
                 std::to_string(tooth_voxels) + " voxels; " + kRemedy);
   if (static_cast<double>(tooth_voxels) > 0.95 * static_cast<double>(tooth.size()))
-    throw Error(
-        "no tooth can be distinguished from its surroundings: " +
-        number(100.0 * static_cast<double>(tooth_voxels) / static_cast<double>(tooth.size())) +
-        " % of the scan is" + at_or_above + number(classes.threshold_dentin) + "; " + kRemedy);
+    throw Error("no tooth can be distinguished from its surroundings: " +
+                short_number(100.0 * static_cast<double>(tooth_voxels) /
+                             static_cast<double>(tooth.size())) +
+                " % of the scan is" + at_or_above + short_number(classes.threshold_dentin) + "; " +
+                kRemedy);
   if (!hints.thresholds && enamel_voxels < 60)
     throw Error("no enamel is found in the tooth: " + std::to_string(enamel_voxels) + " voxels" +
-                at_or_above + number(classes.threshold_enamel) +
+                at_or_above + short_number(classes.threshold_enamel) +
                 "; give --thresholds DENTIN,ENAMEL");
 }
 
@@ -351,7 +348,7 @@ GreyClasses find_grey_classes(ImageVolume<float> means, const Index3& block,
   if (!(high > low))
     throw Error(
         "no tooth can be distinguished from its surroundings: the image is flat (grey value " +
-        number(low) + "); check that it is a scan of one tooth");
+        short_number(low) + "); check that it is a scan of one tooth");
   GreyClasses classes;
   classes.darkest = low;
   find_borders(homogeneous_greys(means.size, means.data, high - low), low, high, hints, classes);

@@ -1,6 +1,6 @@
 #include "toothprep/tools/segmentation/work_box.h"
 
-#include <cstdio>
+#include <fmt/format.h>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/memory_limit.h"
@@ -15,11 +15,7 @@ constexpr auto kBand = static_cast<float>(kBandVoxels);
 
 }  // namespace
 
-std::string short_number(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.4g", value);
-  return text.data();
-}
+std::string short_number(double value) { return fmt::format("{:.4g}", value); }
 
 WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
                    double voxel, int margin, const Announce& announce) {

@@ -8,10 +8,10 @@
 #include <CGAL/Polygon_mesh_processing/self_intersections.h>
 #include <CGAL/Polygon_mesh_processing/triangulate_hole.h>
 #include <CGAL/Surface_mesh.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <map>
 #include <numeric>
@@ -34,9 +34,7 @@ constexpr std::size_t kNamed = 3;    // faults of a kind that are named with the
 Point cgal(const Vec3& p) { return {p.x(), p.y(), p.z()}; }
 
 std::string at(const Vec3& p) {
-  std::array<char, 96> text{};
-  std::snprintf(text.data(), text.size(), "(%.3f, %.3f, %.3f) mm", p.x(), p.y(), p.z());
-  return text.data();
+  return fmt::format("({:.3f}, {:.3f}, {:.3f}) mm", p.x(), p.y(), p.z());
 }
 
 Vec3 centre(const Shell& shell, std::size_t t) {
@@ -311,10 +309,9 @@ std::vector<std::string> shell_faults(const Shell& shell) {
     rim.middle += 0.5 * (a + b);
   }
   for (const auto& [point, rim] : rims) {
-    std::array<char, 32> length{};
-    std::snprintf(length.data(), length.size(), "%.3g mm long", rim.length);
-    kind.push_back("has a hole: " + count_of(rim.edges, "border edge", "border edges") + ", " +
-                   length.data() + ", near " + at(rim.middle / static_cast<double>(rim.edges)));
+    kind.push_back(fmt::format("has a hole: {}, {:.3g} mm long, near {}",
+                               count_of(rim.edges, "border edge", "border edges"), rim.length,
+                               at(rim.middle / static_cast<double>(rim.edges))));
   }
   add_capped(faults, kind);
   add_capped(faults, crowded);

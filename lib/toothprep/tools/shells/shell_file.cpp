@@ -1,6 +1,6 @@
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <numeric>
 
 #include "toothprep/step/core/errors.h"
@@ -21,12 +21,11 @@ void check_size(const std::string& path, const Shell& shell) {
     high = high.cwiseMax(p);
   }
   const double longest = (high - low).maxCoeff();
-  std::array<char, 64> size{};
-  std::snprintf(size.data(), size.size(), "its longest side would be %.4g mm", longest);
+  const std::string size = fmt::format("its longest side would be {:.4g} mm", longest);
   if (longest > kLongest)
-    throw InputError(path, "", size.data(), "coordinates must be mm; are these micrometres?");
+    throw InputError(path, "", size, "coordinates must be mm; are these micrometres?");
   if (longest < kShortest)
-    throw InputError(path, "", size.data(), "coordinates must be mm; are these metres?");
+    throw InputError(path, "", size, "coordinates must be mm; are these metres?");
   if (std::max(low.cwiseAbs().maxCoeff(), high.cwiseAbs().maxCoeff()) > 1e5)
     throw InputError(path, "", "lies more than 100 m from the frame's zero");
 }

@@ -1,7 +1,10 @@
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep {
@@ -98,6 +101,21 @@ std::vector<HandleSample> resample(const Trajectory& trajectory, double time_ste
     }
   }
   return out;
+}
+
+void check_run_memory(const std::string& path, const Trajectory& motion, double time_step) {
+  if (motion.samples.empty()) return;
+  const double steps =
+      std::floor((motion.samples.back().time - motion.samples.front().time) / time_step);
+  if (steps > static_cast<double>(kMostSamples)) return;  // resample() refuses it
+  // The motion at the step rate, the rows, and what writes them.
+  const double bytes = steps * (sizeof(HandleSample) + sizeof(StepRecord) + 8 * sizeof(double));
+  const auto free = static_cast<double>(available_memory());
+  if (bytes > free)
+    throw InputError(path, "",
+                     fmt::format("makes {:.0f} steps, which take {} of memory where {} are free",
+                                 steps, size_text(bytes), size_text(free)),
+                     "cut the recording into pieces, or take a longer --time-step-s");
 }
 
 }  // namespace toothprep

@@ -50,4 +50,8 @@ Trajectory parse_script(const std::string& toml, const std::string& where);
 std::vector<HandleSample> resample(const Trajectory& trajectory, double time_step, bool allow_gaps,
                                    const std::string& where);
 
+// Throws InputError if a run along the motion that was read from `path` takes more memory than
+// there is.
+void check_run_memory(const std::string& path, const Trajectory& motion, double time_step);
+
 }  // namespace toothprep

@@ -1,0 +1,48 @@
+// A live session on a haptic device, from its start to its record: what a program with a device of
+// its own calls.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/bur/bur.h"
+#include "toothprep/step/grinding/workpiece.h"
+#include "toothprep/step/session/plausibility.h"
+#include "toothprep/tools/live_session/recorded_run.h"
+
+namespace toothprep {
+
+struct LiveSettings {
+  Parameters parameters;
+  Drive drive = Drive::kCoupled;
+  Registration registration;
+  Vec3 start = Vec3::Zero();  // mm, W: where the hand starts, unless the registration says
+  ForceLimits limits;
+  LiveButtons buttons;
+  double display_hz = 0;  // of a surface for a display; 0: none
+  LiveWatch watch;
+  std::function<void(const std::string&)> warn;  // of a recording that stops early; may be empty
+};
+
+struct LiveOutcome {
+  RecordedRun run;
+  std::optional<SessionTotals> totals;  // absent if the session never began
+  Audit audit;                          // of the totals
+  std::vector<Finding> findings;        // implausible parameters, forces, audit
+  std::optional<DisplayStats> display;
+};
+
+// 3 mm above the solid of the tooth, in the direction that the registration calls up; mm, W.
+Vec3 start_above(const LayeredTooth& tooth, const Registration& registration);
+
+// Steps a session of `bur` in `workpiece` on the device until the watch ends it, and records it. The
+// workpiece has the cut when it returns. Throws Error if the device isn't calibrated, doesn't run at
+// the model's time step, doesn't start or gives no pose, or if the record can't be created; a
+// session that ends by a fault is no error here (see RecordedRun::end).
+LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const LayeredTooth& tooth,
+                             Workpiece& workpiece, const LiveSettings& settings,
+                             RecordTarget target);
+
+}  // namespace toothprep
