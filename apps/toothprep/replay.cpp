@@ -10,6 +10,7 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "command.h"
 #include "session_options.h"
@@ -18,6 +19,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/step/grinding/engine.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/json_text.h"
@@ -38,7 +40,7 @@ struct Options {
 };
 
 Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, const Audit& audit,
-                 const std::vector<Finding>& findings) {
+                 const std::vector<Finding>& findings, const std::optional<double>& element_mm) {
   Json j;
   j["schema"] = "toothprep-replay";
   j["steps"] = trace.rows.size() - 1;
@@ -49,6 +51,7 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   j["step_us_max"] = r.step_us_max;
   j["drive"] = trace.drive;
   j["engine"] = trace.engine;
+  if (element_mm) j["element_mm"] = *element_mm;
   j["bur"] = trace.bur;
   j["peak_force_n"] = r.totals.peak_device_force;
   j["largest_lag_mm"] = r.totals.largest_lag;
@@ -134,7 +137,9 @@ void run(const Options& o, const Common& common) {
     apply_remaining_solid(tooth, workpiece.remaining_solid());
     write_tooth(tooth, prepared);
   }
-  const Json report = o.json ? report_json(r, trace, o, audit, findings) : Json();
+  std::optional<double> element_mm;
+  if (parameters.engine == EngineKind::kLevelset) element_mm = element_size(bur, parameters);
+  const Json report = o.json ? report_json(r, trace, o, audit, findings, element_mm) : Json();
   outputs.publish();
 
   const SessionTotals& t = r.totals;

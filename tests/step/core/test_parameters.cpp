@@ -53,6 +53,7 @@ std::string bits(const Parameters& p) {
   add(p.coupling.attached_without_contact);
   add(p.time_step);
   add(static_cast<int>(p.engine));
+  add(p.element_size);
   add(p.trailing_elements);
   add(p.rotation_feed);
   return text;
@@ -121,6 +122,16 @@ kind = "voxel"
   EXPECT_EQ(p.time_step, 0.0005);
   EXPECT_FALSE(p.rotation_feed);
   EXPECT_EQ(p.engine, EngineKind::kVoxel);
+}
+
+TEST(Parameters, TheElementSizeIsReadBoundedAndSurvivesTheRoundTrip) {
+  EXPECT_EQ(parse_parameters("", "p.toml").element_size, 0);  // as the bur's size asks for
+  const Parameters p = parse_parameters("[engine]\nelement_mm = 0.02", "p.toml");
+  EXPECT_EQ(p.element_size, 0.02);
+  EXPECT_EQ(bits(parse_parameters(to_toml(p), "again")), bits(p));
+  EXPECT_THAT(parse_error("[engine]\nelement_mm = 0.001"),
+              HasSubstr("engine.element_mm: must be at least 0.005 mm"));
+  EXPECT_THAT(parse_error("[engine]\nelement_mm = -1"), HasSubstr("engine.element_mm"));
 }
 
 TEST(Parameters, LiteralReadingsOfThePaperAreOptionsThatSurviveTheRoundTrip) {

@@ -64,10 +64,11 @@ struct Outcome {
 };
 
 inline Outcome run(const LayeredTooth& tooth, const Bur& bur, const Parameters& parameters,
-                   Drive drive, const std::vector<HandleSample>& path,
-                   double element_size = kElementSize) {
+                   Drive drive, const std::vector<HandleSample>& path, double element_size = 0) {
   Workpiece workpiece(tooth);
-  Session session(bur, workpiece, parameters, drive, path.front(), element_size);
+  Parameters sized = parameters;
+  sized.element_size = element_size;
+  Session session(bur, workpiece, sized, drive, path.front());
   Outcome r;
   r.rows.push_back(session.initial());
   for (std::size_t i = 1; i < path.size(); ++i) r.rows.push_back(session.step(path[i]));

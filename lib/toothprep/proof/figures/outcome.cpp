@@ -72,7 +72,7 @@ std::vector<HandleSample> path_of(const Run& run, const Parameters& parameters) 
 }
 
 Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
-               const std::string& bur_library, double element_size) {
+               const std::string& bur_library) {
   const Bur bur = make_bur(run.bur, bur_library);
   Outcome outcome;
   outcome.parameters = parameters;
@@ -80,8 +80,7 @@ Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
   LevelSet remaining;
   {
     Workpiece workpiece(tooth);
-    outcome.replay =
-        replay(bur, workpiece, parameters, run.drive, path_of(run, parameters), {}, element_size);
+    outcome.replay = replay(bur, workpiece, parameters, run.drive, path_of(run, parameters));
     remaining = workpiece.remaining_solid();
   }
   apply_remaining_solid(tooth, std::move(remaining));

@@ -11,7 +11,8 @@
 namespace toothprep {
 namespace {
 
-constexpr double kLargestTimeStep = 0.1;  // s; a haptic step is 1 ms, a tenth is a mistake
+constexpr double kSmallestElement = 0.005;  // mm; finer costs time and nothing is left to gain
+constexpr double kLargestTimeStep = 0.1;    // s; a haptic step is 1 ms, a tenth is a mistake
 
 // Every key of a parameter file, dotted; used to guess what an unknown key was meant to be.
 std::vector<std::string> all_keys() {
@@ -30,6 +31,7 @@ std::vector<std::string> all_keys() {
                                    "step.time_step_s",
                                    "step.rotation_feed",
                                    "engine.kind",
+                                   "engine.element_mm",
                                    "engine.trailing_elements"};
   for (const auto name : kTissueNames)
     for (const char* key : {".specific_energy_j_per_mm3", ".force_ratio"})
@@ -92,6 +94,10 @@ std::optional<Violation> first_violation(const Parameters& p) {
     return Violation{"handpiece.stall_judged_on",
                      "\"last_step\" needs model = \"fixed\": the droop model has no torque of its "
                      "own to judge"};
+  if (p.element_size != 0 && !(p.element_size >= kSmallestElement && std::isfinite(p.element_size)))
+    return Violation{"engine.element_mm", "must be at least " + toml_number(kSmallestElement) +
+                                              " mm, or 0 for the size that suits the bur" +
+                                              got(p.element_size)};
   if (p.trailing_elements && p.engine != EngineKind::kVoxel)
     return Violation{"engine.trailing_elements", "needs kind = \"voxel\""};
   if (auto v = positive(p.coupling.stiffness, "coupling.stiffness_n_per_mm")) return v;
@@ -213,6 +219,7 @@ Parameters parse_parameters(const std::string& toml, const std::string& where,
   if (auto engine = root.table("engine")) {
     if (const auto x = engine->choice("kind", {"levelset", "voxel"}))
       p.engine = *x == "voxel" ? EngineKind::kVoxel : EngineKind::kLevelset;
+    if (const auto x = engine->number("element_mm")) p.element_size = *x;
     if (const auto x = engine->boolean("trailing_elements")) p.trailing_elements = *x;
     engine->done(keys);
   }
@@ -267,8 +274,9 @@ std::string to_toml(const Parameters& p) {
   text += "attached_without_contact = " + flag(p.coupling.attached_without_contact) + "\n";
   text += "\n[step]\ntime_step_s = " + toml_number(p.time_step) +
           "\nrotation_feed = " + flag(p.rotation_feed) + "\n";
-  text += std::string("\n[engine]\nkind = \"") + name_of(p.engine) +
-          "\"\ntrailing_elements = " + flag(p.trailing_elements) + "\n";
+  text += std::string("\n[engine]\nkind = \"") + name_of(p.engine) + "\"\n" +
+          (p.element_size > 0 ? "element_mm = " + toml_number(p.element_size) + "\n" : "") +
+          "trailing_elements = " + flag(p.trailing_elements) + "\n";
   return text;
 }
 

@@ -54,6 +54,9 @@ struct Parameters {
   Coupling coupling;
   double time_step = 1e-3;  // h, s, > 0
   EngineKind engine = EngineKind::kLevelset;
+  // Levelset engine: largest size of the pieces into which the border of the contact is divided,
+  // mm, >= 0.005. 0: as the bur's size asks for (step/grinding/engine.h).
+  double element_size = 0;
   bool trailing_elements = false;  // voxel engine: Eq. 8 literally, elements with v·n < 0 pull
   // On: v(s) = v + omega_H x r(s), so that removal and work agree while the handle turns.
   // Off: the paper's reading, one velocity for the whole bur.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace toothprep {
 namespace {
@@ -11,6 +12,20 @@ namespace {
 constexpr float kMarginSine = 0.15f;
 // Elements in contact that lie this close in memory are computed in one run.
 constexpr int kRunGap = 8;
+// An element that isn't engaged as a whole is divided into kParts x kParts.
+constexpr int kParts = 4;
+// A field's range over an element is taken this much larger before it counts as engaged as a whole.
+constexpr float kSlack = 1.1f;
+// Elements look for the walls of other cuts this part of their size ahead.
+constexpr double kLookAhead = 0.8;
+// Where the cut's range along a straight profile is below this part of the element's half width,
+// the element is divided around the axis alone.
+constexpr float kAlongWall = 0.1f;
+constexpr float kRounding = 1e-6f;  // of the speed
+// Interpolated on the lattice, the wall that a convex bur left stands out by D²/12 times its
+// curvature on average. A swept wall is curved across the sweep only, and where two cuts meet the
+// interpolant errs to the other side: a third of the sum of the bur's curvatures is least biased.
+constexpr float kWall = 1.0f / 36;
 // Keeps a division defined where the field is flat or meets an element face on, mm.
 constexpr float kLeastExtent = 1e-6f;
 constexpr double kMarginCosine = 0.99;  // a little inside sqrt(1 - 0.15²)
@@ -21,6 +36,16 @@ constexpr double kMarginCosine = 0.99;  // a little inside sqrt(1 - 0.15²)
 constexpr float kIndexOffset = 4096;  // voxels; a head is shorter
 inline std::int32_t cell_of(float x) {
   return static_cast<std::int32_t>(x + kIndexOffset) - static_cast<std::int32_t>(kIndexOffset);
+}
+
+inline float at_surface(const FieldSample& s, const Eigen::Vector3f& ahead) {
+  return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
+}
+
+// How far the element's rim lies behind its tangent plane, mm.
+inline float sag_of(const SurfaceElements& e, int i) {
+  return 0.5f * (e.curvature_along[i] * e.half_along[i] * e.half_along[i] +
+                 e.curvature_around[i] * e.half_around[i] * e.half_around[i]);
 }
 
 }  // namespace
@@ -44,62 +69,71 @@ struct ContactModel::IndexFrame {
   }
 };
 
-ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
-                           const PerTissue<GrindingProperties>& tissue)
-    : elements_(bur.elements(element_size, clockwise)), contact_(elements_.size(), tissue, false) {
-  const std::size_t n = elements_.size();
-  for (auto* array : {&mx_, &my_, &mz_, &chord_, &curvature_, &sag_, &fx_, &fy_, &fz_, &covered_})
-    array->resize(n);
-  for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
-  for (auto& array : corner_) array.resize(n);
-  const SurfaceElements& e = elements_;
-  for (std::size_t i = 0; i < n; ++i) {
-    mx_[i] = e.y[i] * e.nz[i] - e.z[i] * e.ny[i];
-    my_[i] = e.z[i] * e.nx[i] - e.x[i] * e.nz[i];
-    mz_[i] = e.x[i] * e.ny[i] - e.y[i] * e.nx[i];
-    curvature_[i] = e.curvature_along[i] + e.curvature_around[i];
-    const float half_angle = e.curvature_along[i] * e.half_along[i];
-    chord_[i] = half_angle == 0 ? 1 : std::sin(half_angle) / half_angle;
-    sag_[i] = 0.5f * (e.curvature_along[i] * e.half_along[i] * e.half_along[i] +
-                      e.curvature_around[i] * e.half_around[i] * e.half_around[i]);
-  }
-}
+struct ContactModel::Scan {
+  const Workpiece& workpiece;
+  const IndexFrame& frame;
+  Eigen::Vector3f v, omega;  // mm/s, rad/s, B
+  float speed;               // mm/s, of v
+  float reach;               // mm
+  bool turns;
 
-float ContactModel::coverage_at_skin(FieldSample s, int i, const float* a, float ox, float oy,
-                                     float oz) const noexcept {
-  const SurfaceElements& e = elements_;
-  // Back from the reach to the surface.
-  s.value -= s.gx * ox + s.gy * oy + s.gz * oz;
-  const float half = e.half_along[i] + e.half_around[i];
-  if (s.value >= half) return 0;
-  if (s.value <= -half) return 1;
-  const float gx = a[0] * s.gx + a[3] * s.gy + a[6] * s.gz;
-  const float gy = a[1] * s.gx + a[4] * s.gy + a[7] * s.gz;
-  const float gz = a[2] * s.gx + a[5] * s.gy + a[8] * s.gz;
-  const float along = gx * e.lx[i] + gy * e.ly[i] + gz * e.lz[i];
-  const float around = gx * e.tx[i] + gy * e.ty[i];
-  const float normal = gx * e.nx[i] + gy * e.ny[i] + gz * e.nz[i];
-  constexpr int kAround = 4, kAlong = 2;
-  const float extent =
-      std::abs(along) * e.half_along[i] / kAlong + std::abs(around) * e.half_around[i] / kAround;
-  float covered = 0;
-  for (int m = 0; m < kAround; ++m) {
-    const float p = e.half_around[i] * (static_cast<float>(2 * m + 1) / kAround - 1);
-    for (int n = 0; n < kAlong; ++n) {
-      const float q = e.half_along[i] * (static_cast<float>(2 * n + 1) / kAlong - 1);
-      const float sag = 0.5f * (e.curvature_around[i] * p * p + e.curvature_along[i] * q * q);
-      const float value = s.value + around * p + along * q - normal * sag;
-      covered += value >= extent ? 0 : value <= -extent ? 1 : 0.5f - 0.5f * value / extent;
+  Eigen::Vector3f velocity_at(float x, float y, float z) const {
+    return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
+  }
+  float speed_of(const Eigen::Vector3f& u) const { return turns ? u.norm() : speed; }
+};
+
+namespace {
+
+// The corners of the cell that was looked up last: parts of one element share cells.
+struct CellCache {
+  Index3 cell = Index3::Constant(std::numeric_limits<int>::min());
+  float corners[8];
+
+  const float* at(const LevelSet& field, int x, int y, int z) noexcept {
+    if (x != cell.x() || y != cell.y() || z != cell.z()) {
+      cell = Index3(x, y, z);
+      cell_corners(field, x, y, z, corners);
     }
+    return corners;
   }
-  return covered / (kAround * kAlong);
+};
+
+// The axes of an element or a part in index space, scaled by half its extents: what the field's
+// gradient is multiplied by to get half its range.
+struct HalfAxes {
+  Eigen::Vector3f along, around;
+
+  HalfAxes(const float* a, const Eigen::Vector3f& l, const Eigen::Vector3f& t, float half_along,
+           float half_around) {
+    const auto turned = [a](const Eigen::Vector3f& x, float half) -> Eigen::Vector3f {
+      return half * Eigen::Vector3f(a[0] * x.x() + a[1] * x.y() + a[2] * x.z(),
+                                    a[3] * x.x() + a[4] * x.y() + a[5] * x.z(),
+                                    a[6] * x.x() + a[7] * x.y() + a[8] * x.z());
+    };
+    along = turned(l, half_along);
+    around = turned(t, half_around);
+  }
+  HalfAxes(const float* a, const SurfaceElements& e, int i)
+      : HalfAxes(a, Eigen::Vector3f(e.lx[i], e.ly[i], e.lz[i]),
+                 Eigen::Vector3f(e.tx[i], e.ty[i], 0), e.half_along[i], e.half_around[i]) {}
+  float extent(const FieldSample& s) const {
+    return std::abs(s.gx * along.x() + s.gy * along.y() + s.gz * along.z()) +
+           std::abs(s.gx * around.x() + s.gy * around.y() + s.gz * around.z());
+  }
+};
+
+// The share of an element that lies inside, from the field at its middle and half its range.
+float share_inside(float value, float extent) {
+  const float share = 0.5f - 0.5f * value / std::max(extent, kLeastExtent);
+  return std::min(std::max(share, 0.0f), 1.0f);
 }
 
-// By the tissues' level sets; where a tissue without one occurs, by the trilinear blend of the
-// labels.
-void ContactModel::tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell,
-                                 float fx, float fy, float fz, int i, const float* a, float ox,
-                                 float oy, float oz, PerTissue<float>& share) const noexcept {
+// How a place is shared among the tissues; adds up to 1, or to 0 in air. By the tissues' level
+// sets; where a tissue without one occurs, by the trilinear blend of the labels.
+void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell, float fx,
+                   float fy, float fz, const Eigen::Vector3f& ahead, const HalfAxes& axes,
+                   PerTissue<float>& share) noexcept {
   const LabelGrid& labels = workpiece.labels();
   if (labels.is_uniform(brick) && (cell.x() & 7) < 7 && (cell.y() & 7) < 7 && (cell.z() & 7) < 7) {
     const std::uint8_t label = labels.uniform_value(brick);
@@ -123,7 +157,8 @@ void ContactModel::tissue_shares(const Workpiece& workpiece, std::size_t brick, 
     for (int k = 0; k < kOther; ++k) {
       float corners[8];
       cell_corners(workpiece.tooth().remains[k], cell.x(), cell.y(), cell.z(), corners);
-      share[k] = coverage_at_skin(sample_cell(corners, fx, fy, fz), i, a, ox, oy, oz);
+      const FieldSample s = sample_cell(corners, fx, fy, fz);
+      share[k] = share_inside(at_surface(s, ahead), axes.extent(s));
       sum += share[k];
     }
     if (sum > 0) {
@@ -134,9 +169,70 @@ void ContactModel::tissue_shares(const Workpiece& workpiece, std::size_t brick, 
   for (int k = 0; k < kTissueCount; ++k) share[k] = blend[k] / total;
 }
 
+}  // namespace
+
+ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
+                           const PerTissue<GrindingProperties>& tissue)
+    : elements_(bur.elements(kParts * element_size, clockwise)),
+      contact_(kParts * kParts * elements_.size(), tissue, false),
+      look_ahead_(kLookAhead * kParts * element_size) {
+  const std::size_t n = elements_.size();
+  for (auto* array : {&fx_, &fy_, &fz_, &value_, &extent_, &along_}) array->resize(n);
+  for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
+  for (auto& array : corner_) array.resize(n);
+  parts_.reserve(kParts * kParts * n);
+  for (std::size_t i = 0; i < n; ++i) {
+    first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
+    const bool curved = elements_.curvature_along[i] != 0;
+    const double gauss = 1 / std::sqrt(3.0);
+    for (const double around : {-gauss, gauss}) {
+      if (!curved) nodes_.push_back(part_of(i, around, 0, 0.5));
+      if (!curved) continue;
+      nodes_.push_back(part_of(i, around, -gauss, 0.25));
+      nodes_.push_back(part_of(i, around, gauss, 0.25));
+    }
+    for (int p = 0; p < kParts; ++p)
+      strips_.push_back(part_of(i, (2 * p + 1.0) / kParts - 1, 0, 1.0 / kParts));
+    for (int p = 0; p < kParts; ++p)
+      for (int q = 0; q < kParts; ++q)
+        parts_.push_back(part_of(i, (2 * p + 1.0) / kParts - 1, (2 * q + 1.0) / kParts - 1,
+                                 1.0 / (kParts * kParts)));
+  }
+  first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
+}
+
+// The point of element i at the given places (-1 .. 1) around the axis and along the profile, with
+// a share of the element's weight.
+ContactModel::Part ContactModel::part_of(std::size_t i, double around, double along,
+                                         double share) const {
+  const SurfaceElements& e = elements_;
+  const double curvature = e.curvature_along[i], way = along * e.half_along[i];
+  const double turn = around * e.half_around[i] / e.radius[i];
+  const Vec3 l(e.lx[i], e.ly[i], e.lz[i]);
+  Vec3 x(e.x[i], e.y[i], e.z[i]), n(e.nx[i], e.ny[i], e.nz[i]), t(e.tx[i], e.ty[i], 0);
+  if (curvature == 0) {
+    x += way * l;
+  } else {
+    const Vec3 turned = std::cos(curvature * way) * n + std::sin(curvature * way) * l;
+    x += (turned - n) / curvature;
+    n = turned;
+  }
+  const Mat3 about_axis = Eigen::AngleAxisd(turn, Vec3::UnitZ()).toRotationMatrix();
+  x = about_axis * x;
+  n = about_axis * n;
+  t = about_axis * t;
+  const Vec3 m = x.cross(n);
+  const double weight = share * e.weight[i], radius = std::hypot(x.x(), x.y());
+  const auto f = [](double value) { return static_cast<float>(value); };
+  return {f(x.x()),
+          f(x.y()),
+          f(x.z()),
+          {f(n.x()), f(n.y()), f(n.z()), f(m.x()), f(m.y()), f(m.z()), f(t.x()), f(t.y()),
+           f(weight), f(radius), f(weight * radius)}};
+}
+
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
                           const Vec3& omega, double reach) noexcept {
-  const SurfaceElements& e = elements_;
   const IndexFrame f(workpiece.lattice(), pose);
   const double speed = v.norm();
   sampled_direction_ = speed > 0 ? Vec3(v / speed) : Vec3(Vec3::Zero());
@@ -159,62 +255,179 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
     candidates_[near++] = i;
   }
 
-  // Pass 3: the share of each of them that the cut left. Runs of neighbours go together; the few
-  // elements in between are computed and not used.
-  const auto wall_per_curvature = static_cast<float>(workpiece.voxel() * workpiece.voxel() / 12);
+  // Pass 3: the cut at each of them. Runs of neighbours go together; the few elements in between
+  // are computed and not used.
   for (int c = 0; c < near;) {
     const int first = candidates_[c];
     int last = first;
     while (c < near && candidates_[c] - last <= kRunGap) last = candidates_[c++];
-    cover(f.a, wall_per_curvature, first, last + 1);
+    measure(f.a, first, last + 1);
   }
 
-  // Pass 4: the tooth's own surface and the tissues, where there are several.
-  const LevelSet& solid = workpiece.tooth().solid;
+  // Pass 4: what is engaged, as a whole or part by part.
+  Scan scan{workpiece,
+            f,
+            v.cast<float>(),
+            omega.cast<float>(),
+            static_cast<float>(speed),
+            static_cast<float>(reach),
+            omega.squaredNorm() > 0};
   contact_.clear();
-  for (int c = 0; c < near; ++c) {
-    const int i = candidates_[c];
-    float covered = covered_[i];
-    if (covered <= 0) continue;
-    const Index3 cell = f.base + Index3(cell_x_[i], cell_y_[i], cell_z_[i]);
-    const auto brick = static_cast<std::size_t>(cut.brick_index(cell.x(), cell.y(), cell.z()));
-    const std::uint8_t only = workpiece.only_tissue(brick);
+  for (int c = 0; c < near; ++c) settle(scan, candidates_[c]);
+}
 
+// Element i: in the void or in air, engaged as a whole in one tissue, or divided.
+void ContactModel::settle(Scan& scan, int i) noexcept {
+  if (value_[i] >= extent_[i]) return;
+  const SurfaceElements& e = elements_;
+  const Workpiece& workpiece = scan.workpiece;
+  const IndexFrame& f = scan.frame;
+  const Index3 cell = f.base + Index3(cell_x_[i], cell_y_[i], cell_z_[i]);
+  // How far the sample lies ahead of the surface, in index space.
+  const float* a = f.a;
+  const Eigen::Vector3f ahead(static_cast<float>(cell_x_[i]) + fx_[i] - f.fx -
+                                  (a[0] * e.x[i] + a[1] * e.y[i] + a[2] * e.z[i]),
+                              static_cast<float>(cell_y_[i]) + fy_[i] - f.fy -
+                                  (a[3] * e.x[i] + a[4] * e.y[i] + a[5] * e.z[i]),
+                              static_cast<float>(cell_z_[i]) + fz_[i] - f.fz -
+                                  (a[6] * e.x[i] + a[7] * e.y[i] + a[8] * e.z[i]));
+  const Advance advance = advance_of(scan, i);
+  const bool whole = value_[i] <= -extent_[i] && advance == Advance::kWhole;
+  const auto divided = [&] {
+    // What can only advance once the motion turns has no force yet.
+    if (advance == Advance::kNone)
+      divide(scan, i, ahead, &nodes_[first_node_[i]], 2, e.curvature_along[i] == 0 ? 1 : 2);
+    else
+      divide(scan, i, ahead, &parts_[i * kParts * kParts], kParts, kParts);
+  };
+  // A brick's flags are those of all cells that start in it or in its upper neighbours: taken at
+  // the element's lower corner they hold for all of it.
+  const auto margin = static_cast<int>(std::ceil(std::max(e.half_along[i], e.half_around[i]) /
+                                                 static_cast<float>(workpiece.voxel())));
+  const std::int64_t lower =
+      workpiece.cut().brick_index(cell.x() - margin, cell.y() - margin, cell.z() - margin);
+  const auto brick = static_cast<std::size_t>(lower);
+  if (lower < 0 || !workpiece.deep(brick)) {
+    const FieldSample s = field_at(workpiece.tooth().solid, cell, i);
+    const float value = at_surface(s, ahead);
+    const float extent = kSlack * HalfAxes(a, e, i).extent(s) + sag_of(e, i);
+    if (value >= extent) return;
+    if (value > -extent) return divided();
+  }
+  std::uint8_t only = lower < 0 ? 0 : workpiece.only_tissue(brick);
+  for (int k = 0; only == 0 && k < tissue_index(Tissue::kOther); ++k) {
+    const FieldSample s = field_at(workpiece.tooth().remains[k], cell, i);
+    if (at_surface(s, ahead) <= -(kSlack * HalfAxes(a, e, i).extent(s) + sag_of(e, i)))
+      only = static_cast<std::uint8_t>(k + 1);
+  }
+  if (only == 0) return divided();
+  if (advance == Advance::kNone || (whole && !hides_void(scan, i, ahead))) {
     PerTissue<float> share{};
-    if (only != 0 && workpiece.deep(brick)) {
-      share[only - 1] = covered;
-      add_contact(i, share);
-      continue;
-    }
-    // How far the sample lies ahead of the surface, in index space.
-    const float* a = f.a;
-    const float ox = static_cast<float>(cell_x_[i]) + fx_[i] - f.fx -
-                     (a[0] * e.x[i] + a[1] * e.y[i] + a[2] * e.z[i]);
-    const float oy = static_cast<float>(cell_y_[i]) + fy_[i] - f.fy -
-                     (a[3] * e.x[i] + a[4] * e.y[i] + a[5] * e.z[i]);
-    const float oz = static_cast<float>(cell_z_[i]) + fz_[i] - f.fz -
-                     (a[6] * e.x[i] + a[7] * e.y[i] + a[8] * e.z[i]);
-    if (!workpiece.deep(brick)) {
-      float corners[8];
-      cell_corners(solid, cell.x(), cell.y(), cell.z(), corners);
-      covered *= coverage_at_skin(sample_cell(corners, fx_[i], fy_[i], fz_[i]), i, a, ox, oy, oz);
+    share[only - 1] = whole ? 1 : share_inside(value_[i], extent_[i]);
+    for (std::int32_t n = first_node_[i]; n < first_node_[i + 1]; ++n)
+      contact_.add(nodes_[n].element, share);
+    return;
+  }
+  // A wall along a straight profile needs no division along it.
+  if (e.curvature_along[i] == 0 && along_[i] < kAlongWall * e.half_around[i])
+    return divide(scan, i, ahead, &strips_[i * kParts], kParts, 1);
+  divided();
+}
+
+// A field at the sample of element i, in `cell`.
+FieldSample ContactModel::field_at(const LevelSet& field, const Index3& cell,
+                                   int i) const noexcept {
+  float corners[8];
+  cell_corners(field, cell.x(), cell.y(), cell.z(), corners);
+  return sample_cell(corners, fx_[i], fy_[i], fz_[i]);
+}
+
+// Whether v·n is positive on element i as a whole, or anywhere.
+ContactModel::Advance ContactModel::advance_of(const Scan& scan, int i) const noexcept {
+  const SurfaceElements& e = elements_;
+  const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
+  const float n = u.x() * e.nx[i] + u.y() * e.ny[i] + u.z() * e.nz[i];
+  const float t = u.x() * e.tx[i] + u.y() * e.ty[i];
+  const float l = u.x() * e.lx[i] + u.y() * e.ly[i] + u.z() * e.lz[i];
+  const float range = std::abs(t * e.curvature_around[i] * e.half_around[i]) +
+                      std::abs(l * e.curvature_along[i] * e.half_along[i]);
+  return n + range <= kRounding * scan.speed_of(u) ? Advance::kNone
+         : n >= range                              ? Advance::kWhole
+                                                   : Advance::kPartly;
+}
+
+// The bur's own last cut lies so close behind its surface that it hides the wall of another cut from
+// the field's one sample. Farther ahead it doesn't. Only of elements with value_ < 0; a distance
+// changes by no more than the way, so where the nearest wall is farther than a corner there is none.
+bool ContactModel::hides_void(const Scan& scan, int i,
+                              const Eigen::Vector3f& ahead) const noexcept {
+  const float half_along = elements_.half_along[i], half_around = elements_.half_around[i];
+  if (value_[i] * value_[i] > half_along * half_along + half_around * half_around) return false;
+  const IndexFrame& f = scan.frame;
+  const float farther = static_cast<float>(look_ahead_) / scan.reach - 1;
+  const float ix = static_cast<float>(cell_x_[i]) + fx_[i] + farther * ahead.x();
+  const float iy = static_cast<float>(cell_y_[i]) + fy_[i] + farther * ahead.y();
+  const float iz = static_cast<float>(cell_z_[i]) + fz_[i] + farther * ahead.z();
+  const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
+  float corners[8];
+  cell_corners(scan.workpiece.cut(), f.base.x() + jx, f.base.y() + jy, f.base.z() + jz, corners);
+  const FieldSample s = sample_cell(corners, ix - static_cast<float>(jx),
+                                    iy - static_cast<float>(jy), iz - static_cast<float>(jz));
+  return s.value > -kSlack * HalfAxes(f.a, elements_, i).extent(s);
+}
+
+// Element i part by part.
+void ContactModel::divide(Scan& scan, int i, const Eigen::Vector3f& ahead, const Part* parts,
+                          int around, int along) noexcept {
+  const Workpiece& workpiece = scan.workpiece;
+  const IndexFrame& f = scan.frame;
+  const float* a = f.a;
+  const float half_along = elements_.half_along[i] / static_cast<float>(along),
+              half_around = elements_.half_around[i] / static_cast<float>(around);
+  const float sag = sag_of(elements_, i) / static_cast<float>(kParts * kParts);
+  const auto wall = kWall * static_cast<float>(workpiece.voxel() * workpiece.voxel()) *
+                    (elements_.curvature_along[i] + elements_.curvature_around[i]);
+  CellCache cut, solid;
+  for (int n = 0; n < around * along; ++n) {
+    const Part& part = parts[n];
+    const Eigen::Vector3f u = scan.velocity_at(part.x, part.y, part.z);
+    const ContactSet::Element& e = part.element;
+    if (u.x() * e.nx + u.y() * e.ny + u.z() * e.nz < -kMarginSine * scan.speed_of(u)) continue;
+    const float ix = f.fx + a[0] * part.x + a[1] * part.y + a[2] * part.z + ahead.x();
+    const float iy = f.fy + a[3] * part.x + a[4] * part.y + a[5] * part.z + ahead.y();
+    const float iz = f.fz + a[6] * part.x + a[7] * part.y + a[8] * part.z + ahead.z();
+    const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
+    const Index3 cell = f.base + Index3(jx, jy, jz);
+    const std::int64_t brick = workpiece.cut().brick_index(cell.x(), cell.y(), cell.z());
+    if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) continue;
+    const auto b = static_cast<std::size_t>(brick);
+    const float fx = ix - static_cast<float>(jx), fy = iy - static_cast<float>(jy),
+                fz = iz - static_cast<float>(jz);
+    const FieldSample c =
+        sample_cell(cut.at(workpiece.cut(), cell.x(), cell.y(), cell.z()), fx, fy, fz);
+    if (c.value >= half_along + half_around) continue;
+    // l = n x t. The part is convex: its rim lies behind its tangent plane by the sag, on average a
+    // third of it.
+    const HalfAxes axes(a, Eigen::Vector3f(-e.nz * e.ty, e.nz * e.tx, e.nx * e.ty - e.ny * e.tx),
+                        Eigen::Vector3f(e.tx, e.ty, 0), half_along, half_around);
+    float covered = share_inside(c.value + wall + sag / 3, axes.extent(c) - 2 * sag / 3);
+    if (covered <= 0) continue;
+    if (!workpiece.deep(b)) {
+      const FieldSample s =
+          sample_cell(solid.at(workpiece.tooth().solid, cell.x(), cell.y(), cell.z()), fx, fy, fz);
+      covered *= share_inside(at_surface(s, ahead), axes.extent(s));
       if (covered <= 0) continue;
     }
+    PerTissue<float> share{};
+    const std::uint8_t only = workpiece.only_tissue(b);
     if (only != 0) {
       share[only - 1] = covered;
     } else {
-      tissue_shares(workpiece, brick, cell, fx_[i], fy_[i], fz_[i], i, a, ox, oy, oz, share);
+      tissue_shares(workpiece, b, cell, fx, fy, fz, ahead, axes, share);
       for (float& k : share) k *= covered;
     }
-    add_contact(i, share);
+    contact_.add(e, share);
   }
-}
-
-void ContactModel::add_contact(int i, const PerTissue<float>& share) noexcept {
-  const SurfaceElements& e = elements_;
-  contact_.add({e.nx[i], e.ny[i], e.nz[i], mx_[i], my_[i], mz_[i], e.tx[i], e.ty[i], e.weight[i],
-                chord_[i], e.radius[i], e.area[i]},
-               share);
 }
 
 // Pass 1 with one velocity for all elements.
@@ -281,9 +494,8 @@ int ContactModel::locate_turning(const IndexFrame& f, const Vec3& v, const Vec3&
   return candidates;
 }
 
-// Pass 3: trilinear value of the cut, less the wall's interpolation error, against the element's
-// extent along the field's gradient.
-void ContactModel::cover(const float* a, float wall_per_curvature, int begin, int end) noexcept {
+// Pass 3: trilinear value of the cut, and half its range over the element by its gradient.
+void ContactModel::measure(const float* a, int begin, int end) noexcept {
   const SurfaceElements& e = elements_;
   const float *c0 = corner_[0].data(), *c1 = corner_[1].data(), *c2 = corner_[2].data(),
               *c3 = corner_[3].data(), *c4 = corner_[4].data(), *c5 = corner_[5].data(),
@@ -292,8 +504,7 @@ void ContactModel::cover(const float* a, float wall_per_curvature, int begin, in
   const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
   const float *tx = e.tx.data(), *ty = e.ty.data();
   const float *half_along = e.half_along.data(), *half_around = e.half_around.data();
-  const float *curvature = curvature_.data(), *sag = sag_.data();
-  float* covered = covered_.data();
+  float *value = value_.data(), *extent = extent_.data(), *along = along_.data();
 #pragma omp simd
   for (int i = begin; i < end; ++i) {
     const FieldSample s =
@@ -303,12 +514,9 @@ void ContactModel::cover(const float* a, float wall_per_curvature, int begin, in
     const float gx = a[0] * s.gx + a[3] * s.gy + a[6] * s.gz;
     const float gy = a[1] * s.gx + a[4] * s.gy + a[7] * s.gz;
     const float gz = a[2] * s.gx + a[5] * s.gy + a[8] * s.gz;
-    const float extent = std::abs(gx * lx[i] + gy * ly[i] + gz * lz[i]) * half_along[i] +
-                         std::abs(gx * tx[i] + gy * ty[i]) * half_around[i] - sag[i];
-    const float value = s.value + wall_per_curvature * curvature[i];
-    const float share = 0.5f - 0.5f * value / (extent > kLeastExtent ? extent : kLeastExtent);
-    const float at_least_0 = share > 0 ? share : 0;
-    covered[i] = at_least_0 < 1 ? at_least_0 : 1;
+    value[i] = s.value;
+    along[i] = std::abs(gx * lx[i] + gy * ly[i] + gz * lz[i]) * half_along[i];
+    extent[i] = kSlack * (along[i] + std::abs(gx * tx[i] + gy * ty[i]) * half_around[i]);
   }
 }
 

@@ -3,12 +3,18 @@
 //
 // An element is in contact where tissue is met a small reach ahead of the surface, along the element's
 // own velocity: ahead of fresh tissue that is the same as along the normal, and in a slot that is
-// passed again it stays in the void instead of touching the walls. An element that a surface
-// crosses (of the tooth, of the cut, of the border of two tissues) counts by the share of its
-// extent that lies inside: the plane through the sample, by the field's gradient.
+// passed again it stays in the void instead of touching the walls.
 //
-// Interpolated on the lattice, the wall that a convex bur left stands up to D²/8 times its
-// curvature too far out. As much is taken off before a wall counts as touched.
+// An element that is engaged as a whole counts by two Gauss points along each curved direction. One
+// that a surface crosses (of the tooth, of a cut, of the border of two tissues), or over which v·n
+// changes its sign, is divided into kParts x kParts parts with a sample each, which count by the
+// share of their extent inside: the plane through the sample, by the field's gradient. So the
+// border of the contact is resolved to the parts' size and v·n is that of what is covered; with the
+// element's own v·n the work of overlapping passes is several percent too high.
+//
+// The level set of the cut is the deepest of all cuts, and the bur's own last cut, a voxel or two
+// behind it, can hide the wall of an earlier one from the sample at the surface. So an element
+// counts as a whole only if a second sample, farther ahead, finds no wall either.
 #pragma once
 
 #include <array>
@@ -24,7 +30,7 @@ namespace toothprep {
 
 class ContactModel {
  public:
-  // Elements of at most `element_size` mm; u and alpha per tissue (validated by the caller).
+  // Parts of at most `element_size` mm; u and alpha per tissue (validated by the caller).
   ContactModel(const Bur& bur, double element_size, bool clockwise,
                const PerTissue<GrindingProperties>& tissue);
 
@@ -45,39 +51,47 @@ class ContactModel {
   struct IndexFrame;
 
  private:
+  // A point of the surface that stands for a part of an element.
+  struct Part {
+    float x, y, z;  // mm, B
+    ContactSet::Element element;
+  };
+  // One sample under way.
+  struct Scan;
+
+  Part part_of(std::size_t i, double around, double along, double share) const;
+
   // The passes of sample(); see there.
   int locate_straight(const IndexFrame& frame, const Vec3& v, double reach) noexcept;
   int locate_turning(const IndexFrame& frame, const Vec3& v, const Vec3& omega,
                      double reach) noexcept;
-  void cover(const float* to_index, float wall_per_curvature, int begin, int end) noexcept;
-  void add_contact(int i, const PerTissue<float>& share) noexcept;
-  // How a surface that the bur didn't cut crosses element i: the share inside of the field, `s` of
-  // which is its sample (ox, oy, oz) ahead of the surface in index space, with the element's
-  // curvature.
-  float coverage_at_skin(FieldSample s, int i, const float* to_index, float ox, float oy,
-                         float oz) const noexcept;
-  // How element i is shared among the tissues; adds up to 1, or to 0 in air.
-  void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell, float fx,
-                     float fy, float fz, int i, const float* to_index, float ox, float oy, float oz,
-                     PerTissue<float>& share) const noexcept;
+  void measure(const float* to_index, int begin, int end) noexcept;
+  void settle(Scan& scan, int i) noexcept;
+  FieldSample field_at(const LevelSet& field, const Index3& cell, int i) const noexcept;
+  void divide(Scan& scan, int i, const Eigen::Vector3f& ahead, const Part* parts, int around,
+              int along) noexcept;
+  enum class Advance { kNone, kPartly, kWhole };
+  Advance advance_of(const Scan& scan, int i) const noexcept;
+  bool hides_void(const Scan& scan, int i, const Eigen::Vector3f& ahead) const noexcept;
 
   SurfaceElements elements_;
   ContactSet contact_;
 
+  // Of each element: the points that stand for it where it is engaged as a whole (two-point Gauss
+  // rule along each curved direction), and its kParts x kParts parts for where it isn't.
+  std::vector<std::int32_t> first_node_;  // and one past the last
+  std::vector<Part> nodes_, parts_, strips_;
+
   // Everything below is an array over the elements, so that the passes of a sample run in place and
-  // side by side. Fixed:
-  std::vector<float> mx_, my_, mz_;  // r x n, mm
-  std::vector<float> chord_;         // see ContactSet::Element
-  std::vector<float> curvature_;     // sum of the principal curvatures, 1/mm
-  std::vector<float> sag_;  // mm, how far the element's rim lies behind its tangent plane: a wall
-                            // of the same curvature or less that only touches it doesn't cross it
-  // Of a sample: the cell (voxel of its lower corner, from the tip's voxel) and the place in it,
-  // the cut's values at its corners, and the share of the element that the cut left.
+  // side by side. Of a sample: the cell (voxel of its lower corner, from the tip's voxel) and the
+  // place in it, the cut's values at its corners, the cut's value at the element and half its range
+  // over the element.
   std::vector<std::int32_t> cell_x_, cell_y_, cell_z_;
   std::vector<float> fx_, fy_, fz_;
   std::array<std::vector<float>, 8> corner_;
-  std::vector<float> covered_;
+  std::vector<float> value_, extent_, along_;
   std::vector<std::int32_t> candidates_;
+  double look_ahead_;  // mm, see hides_void()
   Vec3 sampled_direction_ = Vec3::Zero();
 };
 

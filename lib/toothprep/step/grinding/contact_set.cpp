@@ -21,8 +21,6 @@ ContactSet::ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>
 }
 
 void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
-  // Over an element that is curved along the profile the midpoint is exact enough for n n^T and for
-  // r n (their errors cancel over a profile), but not for n_t n: that takes the mean of n.
   float t = 0, m = 0;
   for (int k = 0; k < kTissueCount; ++k) {
     t += share[k] * ct_[k];
@@ -35,8 +33,8 @@ void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
   mx_[count_] = e.mx;
   my_[count_] = e.my;
   mz_[count_] = e.mz;
-  qx_[count_] = e.weight * (t * e.chord * e.tx - m * e.nx);
-  qy_[count_] = e.weight * (t * e.chord * e.ty - m * e.ny);
+  qx_[count_] = e.weight * (t * e.tx - m * e.nx);
+  qy_[count_] = e.weight * (t * e.ty - m * e.ny);
   qz_[count_] = e.weight * (-m * e.nz);
   torque_[count_] = t * e.weight * e.arm;
   ++count_;

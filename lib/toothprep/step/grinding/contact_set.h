@@ -70,7 +70,6 @@ class ContactSet {
     float mx, my, mz;  // r x n_n, mm
     float tx, ty;      // n_t
     float weight;      // dphi dl, mm
-    float chord;       // mean of n along the element over n at its middle, 1 where it is straight
     float arm;         // r, mm
     float area;        // ds, mm²
   };

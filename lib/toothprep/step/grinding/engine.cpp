@@ -1,5 +1,7 @@
 #include "toothprep/step/grinding/engine.h"
 
+#include <algorithm>
+
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/removal.h"
@@ -13,9 +15,10 @@ constexpr double kReachVoxels = 0.1;  // contact is looked for this far ahead of
 class LevelsetEngine final : public GrindingEngine {
  public:
   LevelsetEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
-                 const Pose& pose, double element_size)
+                 const Pose& pose)
       : workpiece_(workpiece),
-        contact_(bur, element_size, parameters.handpiece.clockwise, parameters.tissue),
+        contact_(bur, element_size(bur, parameters), parameters.handpiece.clockwise,
+                 parameters.tissue),
         removal_(bur, workpiece, pose) {}
 
   void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept override {
@@ -37,16 +40,25 @@ class LevelsetEngine final : public GrindingEngine {
 
 }  // namespace
 
+double element_size(const Bur& bur, const Parameters& parameters) {
+  const double radius = bur.max_radius(), asked = parameters.element_size;
+  if (!(asked > 0)) return std::min(kElementSize, radius / 8);
+  if (asked > radius / 4)
+    throw Error("engine.element_mm: " + std::to_string(asked) +
+                " mm is more than a quarter of the radius of bur " + bur.name() + "; use at most " +
+                std::to_string(radius / 4) + " mm");
+  return asked;
+}
+
 std::unique_ptr<GrindingEngine> make_engine(const Bur& bur, Workpiece& workpiece,
-                                            const Parameters& parameters, const Pose& pose,
-                                            double element_size) {
+                                            const Parameters& parameters, const Pose& pose) {
   if (bur.max_radius() < workpiece.voxel())
     throw Error("bur " + bur.name() + ": its diameter of " + std::to_string(2 * bur.max_radius()) +
                 " mm is less than two voxels of the tooth (" + std::to_string(workpiece.voxel()) +
                 " mm); voxelize the tooth finer");
   if (parameters.engine == EngineKind::kVoxel)
     return std::make_unique<VoxelEngine>(bur, workpiece, parameters, pose);
-  return std::make_unique<LevelsetEngine>(bur, workpiece, parameters, pose, element_size);
+  return std::make_unique<LevelsetEngine>(bur, workpiece, parameters, pose);
 }
 
 }  // namespace toothprep

@@ -39,10 +39,19 @@ class GrindingEngine {
   virtual const PerTissue<double>& removed() const noexcept = 0;
 };
 
-// The engine that `parameters` name. Keeps references to bur and workpiece. Throws Error if the
-// bur is too thin for it: two voxels across, and for the voxel engine a voxel beneath its surface.
+// Largest size of the pieces into which the border of the contact is divided, unless the parameters
+// say otherwise: this, or an eighth of the bur's radius if that is less. README.md says how exact
+// the work of a pass then is; the step's cost grows with 1/size.
+constexpr double kElementSize = 0.0375;  // mm
+
+// The size in mm that `parameters` mean for this bur. Throws Error if it is above a quarter of the
+// bur's radius.
+double element_size(const Bur& bur, const Parameters& parameters);
+
+// The engine that `parameters` name. Keeps references to bur and workpiece. Throws Error as
+// element_size() does, or if the bur is too thin for the engine: two voxels across, and for the
+// voxel engine a voxel beneath its surface.
 std::unique_ptr<GrindingEngine> make_engine(const Bur& bur, Workpiece& workpiece,
-                                            const Parameters& parameters, const Pose& pose,
-                                            double element_size);
+                                            const Parameters& parameters, const Pose& pose);
 
 }  // namespace toothprep

@@ -53,8 +53,8 @@ ContactSet::Element element_at(const Vec3& position, const Vec3& normal, const V
                                double weight, double area) {
   const Vec3 m = position.cross(normal);
   const auto f = [](double x) { return static_cast<float>(x); };
-  return {f(normal.x()),  f(normal.y()),  f(normal.z()), f(m.x()), f(m.y()),         f(m.z()),
-          f(tangent.x()), f(tangent.y()), f(weight),     1.0f,     f(area / weight), f(area)};
+  return {f(normal.x()),  f(normal.y()),  f(normal.z()), f(m.x()),         f(m.y()), f(m.z()),
+          f(tangent.x()), f(tangent.y()), f(weight),     f(area / weight), f(area)};
 }
 
 }  // namespace

@@ -10,10 +10,10 @@ namespace toothprep {
 
 ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
                     const std::vector<HandleSample>& path,
-                    const std::function<void(double)>& progress, double element_size) {
+                    const std::function<void(double)>& progress) {
   if (path.size() < 2) throw Error("a trajectory needs at least two samples");
   using Clock = std::chrono::steady_clock;
-  Session session(bur, workpiece, parameters, drive, path.front(), element_size);
+  Session session(bur, workpiece, parameters, drive, path.front());
   ReplayResult result;
   result.rows.reserve(path.size());
   result.rows.push_back(session.initial());

@@ -23,8 +23,7 @@ struct ReplayResult {
 // and as Session's constructor does.
 ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
                     const std::vector<HandleSample>& path,
-                    const std::function<void(double)>& progress = {},
-                    double element_size = kElementSize);
+                    const std::function<void(double)>& progress = {});
 
 // Smallest distance from a path's tip positions to the box around the solid, mm.
 double distance_to_tooth(const std::vector<HandleSample>& path, const Box& box);

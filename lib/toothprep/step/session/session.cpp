@@ -14,13 +14,14 @@ constexpr double kShankElementSize = 0.4;  // mm
 }  // namespace
 
 Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
-                 const HandleSample& first, double element_size)
+                 const HandleSample& first)
     : workpiece_(workpiece),
       model_{parameters, drive, bur.shank_elements(kShankElementSize)},
-      most_parts_(most_parts(bur.elements(element_size).size(), parameters.time_step)) {
+      most_parts_(most_parts(bur.elements(4 * element_size(bur, parameters)).size(),
+                             parameters.time_step)) {
   if (!first.pose.position.allFinite() || !first.pose.orientation.coeffs().allFinite())
     throw Error("the first handle pose is not finite");
-  engine_ = make_engine(bur, workpiece, parameters, first.pose, element_size);
+  engine_ = make_engine(bur, workpiece, parameters, first.pose);
   totals_.initial_overlap = engine_->clear(first.pose);
   state_.pose = first.pose;
   state_.handle = first;

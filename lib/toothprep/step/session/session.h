@@ -13,10 +13,6 @@
 
 namespace toothprep {
 
-// Largest size of the bur's surface elements, mm: the force errs by (size/R)²/24, 0.3 % for the
-// paper's burs, and the step's cost goes with 1/size².
-constexpr double kElementSize = 0.15;
-
 // The energy audit and what else a session counts.
 struct SessionTotals {
   double torque_work = 0;       // N·mm = mJ: integral of 2 pi N T_z over the steps that turn
@@ -37,7 +33,7 @@ class Session {
   // Keeps references to bur and workpiece. `parameters` must be valid (core/parameters.h); throws
   // Error as make_engine() does. Tissue inside the bur at `first` is removed.
   Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
-          const HandleSample& first, double element_size = kElementSize);
+          const HandleSample& first);
 
   // Row 0: the initial state with zero forces.
   const StepRecord& initial() const { return initial_; }

@@ -108,9 +108,10 @@ class Reader {
       throw InputError(where_, "", "names no item",
                        "add an [[item]] with name, command and arguments, or a [folder]");
     for (const auto& [option, argument] : defaults_)
-      if (std::none_of(manifest_.items.begin(), manifest_.items.end(), [&](const BatchItem& item) {
-            return knows(manifest_.commands[item.command], option);
-          }))
+      if (std::none_of(manifest_.items.begin(), manifest_.items.end(),
+                       [&, &name = option](const BatchItem& item) {
+                         return knows(manifest_.commands[item.command], name);
+                       }))
         unknown_option(manifest_.commands[manifest_.items[0].command], option, argument.place);
     return std::move(manifest_);
   }

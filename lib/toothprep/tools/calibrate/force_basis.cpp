@@ -60,7 +60,7 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
   unit.handpiece.stall_torque = std::numeric_limits<double>::infinity();
 
   Workpiece workpiece(tooth);
-  const auto engine = make_engine(bur, workpiece, unit, path.front().pose, kElementSize);
+  const auto engine = make_engine(bur, workpiece, unit, path.front().pose);
   const SurfaceElements shank = bur.shank_elements(kShankElementSize);
   const double h = unit.time_step;
 

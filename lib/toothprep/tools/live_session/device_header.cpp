@@ -32,8 +32,8 @@ void check_calibration(HapticDevice& device) {
   }
 }
 
-void describe_device(const HapticDevice& device, const ForceLimits& limits,
-                     bool real_time, SessionHeader& header) {
+void describe_device(const HapticDevice& device, const ForceLimits& limits, bool real_time,
+                     SessionHeader& header) {
   const DeviceIdentity& id = device.identity();
   const DeviceLimits& l = device.limits();
   header.device_name = id.name;

@@ -13,7 +13,7 @@ namespace toothprep {
 void check_calibration(HapticDevice& device);
 
 // Fills the header's device_..., limits, workspace and host.
-void describe_device(const HapticDevice& device, const ForceLimits& limits,
-                     bool real_time, SessionHeader& header);
+void describe_device(const HapticDevice& device, const ForceLimits& limits, bool real_time,
+                     SessionHeader& header);
 
 }  // namespace toothprep

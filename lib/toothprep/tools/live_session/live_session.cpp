@@ -73,8 +73,8 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
       [&](const Pose& pose) -> Session& {
         HandleSample first;
         first.pose = pose;
-        session = std::make_unique<Session>(bur, workpiece, settings.parameters, settings.drive,
-                                            first);
+        session =
+            std::make_unique<Session>(bur, workpiece, settings.parameters, settings.drive, first);
         return *session;
       },
       with_recorder_watched(settings.watch, recorder, settings.warn));

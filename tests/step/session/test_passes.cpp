@@ -1,0 +1,157 @@
+// Overlapping passes, as every real cavity is cut: the work of the torque over each pass is the
+// specific energy of what the pass newly sweeps. Expected from the union of the swept outlines
+// (proof/reference/swept_passes.h), checked here against closed forms first.
+#include <gtest/gtest.h>
+
+#include "experiment.h"
+#include "toothprep/proof/reference/swept_passes.h"
+#include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
+
+namespace toothprep::testing {
+namespace {
+
+constexpr double kLength = 3;  // mm, of the block along the feed
+constexpr double kStart = 3;   // mm before and behind its middle: the head is clear of it
+
+// The bur upright over the block's top face, then leant across the feed and along it.
+Quat upright_leant(double across, double along) {
+  return Quat(Eigen::AngleAxisd(across, Vec3::UnitX()) * Eigen::AngleAxisd(along, Vec3::UnitZ()) *
+              Eigen::AngleAxisd(-units::kPi / 2, Vec3::UnitX()));
+}
+
+struct Passes {
+  const char* bur;
+  double depth;          // of the tip below the top face, mm
+  double across, along;  // rad
+  double enamel;         // mm
+  std::vector<double> z;
+};
+
+struct Work {
+  double pass = 0, back = 0;  // mJ: along the pass, and back through its own slot
+};
+
+std::vector<Work> work_of(const Passes& p, double voxel, double element_size) {
+  const Bur bur = make_bur(p.bur, "");
+  const LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
+  Parameters parameters = paper_without_stall();
+  parameters.element_size = element_size;
+  const Quat q = upright_leant(p.across, p.along);
+  const double speed = 8;  // mm/s: 8 µm a step
+  Workpiece workpiece(tooth);
+  HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
+  Session session(bur, workpiece, parameters, Drive::kDirect, handle);
+  const auto cut_to = [&](double x) {
+    const double before = session.totals().torque_work, from = handle.pose.position.x();
+    const int steps = static_cast<int>(std::ceil(std::abs(x - from) / speed / 1e-3));
+    for (int i = 1; i <= steps; ++i) {
+      handle.time += 1e-3;
+      handle.pose.position.x() = from + (x - from) * i / steps;
+      session.step(handle);
+    }
+    return session.totals().torque_work - before;
+  };
+  std::vector<Work> work;
+  for (const double z : p.z) {
+    // To the start of the pass with the motor off: nothing is ground on the way.
+    handle.pose.position = Vec3(-kStart, -p.depth, z);
+    handle.buttons = 0;
+    session.step(handle);
+    handle.buttons = kPedalButton;
+    const double pass = cut_to(kStart);
+    work.push_back({pass, cut_to(-kStart)});
+  }
+  return work;
+}
+
+std::vector<double> energy_of(const Passes& p) {
+  std::vector<Vec3> tips;
+  for (const double z : p.z) tips.emplace_back(0, -p.depth, z);
+  std::vector<double> energy;
+  for (const PerTissue<double>& area :
+       reference::newly_swept_sections(make_bur(p.bur, ""), upright_leant(p.across, p.along), tips,
+                                       reference::Block{Vec3(kLength, 3, 4), p.enamel}))
+    energy.push_back(kLength * (300 * area[0] + 100 * area[1]));
+  return energy;
+}
+
+// Largest error of a pass: its part beyond `relative` of the pass's own energy counts against the
+// full slot's.
+struct Errors {
+  double of_pass = 0;       // larger passes, relative
+  double of_full_slot = 0;  // any pass, relative to the first
+  double back = 0;          // relative to the first
+};
+Errors errors_of(const Passes& p, double voxel, double element_size = 0) {
+  const std::vector<double> energy = energy_of(p);
+  const std::vector<Work> work = work_of(p, voxel, element_size);
+  Errors e;
+  std::printf("%-28s tilt %4.2f %4.2f, %.3f mm:", p.bur, p.across, p.along, voxel);
+  for (std::size_t i = 0; i < work.size(); ++i) {
+    const double error = std::abs(work[i].pass - energy[i]);
+    e.of_pass = std::max(e.of_pass, error / energy[i]);
+    e.of_full_slot = std::max(e.of_full_slot, error / energy[0]);
+    e.back = std::max(e.back, std::abs(work[i].back) / energy[0]);
+    std::printf("  %.4f (%+.2f %%, back %.2f %%)", work[i].pass / energy[i],
+                100 * (work[i].pass - energy[i]) / energy[0], 100 * work[i].back / energy[0]);
+  }
+  std::printf("\n");
+  return e;
+}
+
+TEST(SweptSections, OfUprightBallsAndCylindersAreTheClosedForms) {
+  // A cylinder newly sweeps step x depth; a ball that is half immersed, the strip between two arcs.
+  const Passes cylinder{"cylinder:D1.2xL3.0", 1.1, 0, 0, 2, {0, 0.2, 0.37}};
+  const std::vector<double> c = energy_of(cylinder);
+  EXPECT_NEAR(c[0], kLength * 300 * 1.2 * 1.1, 1e-3 * c[0]);
+  EXPECT_NEAR(c[1], kLength * 300 * 0.2 * 1.1, 1e-3 * c[0]);
+  EXPECT_NEAR(c[2], kLength * 300 * 0.17 * 1.1, 1e-3 * c[0]);
+  const double R = 0.6, s = 0.2;
+  const std::vector<double> b = energy_of({"ball:D1.2", 0.6, 0, 0, 2, {0, s}});
+  // Two discs of radius R at distance s overlap by 2 R² acos(s/2R) - s/2 sqrt(4R² - s²), half of it
+  // below the face.
+  const double overlap = R * R * std::acos(s / (2 * R)) - s / 4 * std::sqrt(4 * R * R - s * s);
+  EXPECT_NEAR(b[0], kLength * 300 * units::kPi * R * R / 2, 1e-3 * b[0]);
+  EXPECT_NEAR(b[1], kLength * 300 * (units::kPi * R * R / 2 - overlap), 1e-3 * b[0]);
+}
+
+const std::vector<Passes>& selection() {
+  static const std::vector<Passes> kCases = {
+      {"ball:D1.2", 0.3, 0, 0, 2, {0, 0.2, 0.37, 0.55}},
+      {"cylinder:D1.2xL3.0", 1.1, 0, 0, 2, {0, 0.2, 0.37, 0.55}},
+      {"cylinder:D1.2xL3.0", 1.0, 0.31, -0.17, 0.6, {0, 0.024, 0.3, 0.9}},
+      {"taper:D1.4xL4.0xT0.8", 1.2, -0.23, 0.29, 2, {0, 0.25, 0.6}},
+      {"inverted-cone:D1.2xL1.6xA8", 0.8, 0.12, 0.08, 0.5, {0, 0.2, 0.5}},
+      {"cone:D1.6xL4.0xT1.2xR0.3", 1.1, 0.15, 0.21, 2, {0, 0.3, 0.7}},
+  };
+  return kCases;
+}
+
+TEST(OverlappingPasses, WorkIsTheEnergyOfWhatIsNewlySweptAtATenthOfAMillimetre) {
+  for (const Passes& p : selection()) {
+    const Errors e = errors_of(p, 0.1);
+    EXPECT_TRUE(e.of_pass < 0.01 || e.of_full_slot < 0.002)
+        << p.bur << ": " << e.of_pass << " of a pass, " << e.of_full_slot << " of a full slot";
+  }
+}
+
+TEST(ElementSize, AboveAQuarterOfTheBursRadiusIsRefusedWithTheLargestThatWouldDo) {
+  Parameters p = paper_without_stall();
+  const Bur ball = paper_ball();  // R = 0.6 mm
+  EXPECT_EQ(element_size(ball, p), kElementSize);
+  EXPECT_EQ(element_size(make_bur("ball:D0.2", ""), p), 0.1 / 8);
+  p.element_size = 0.15;
+  EXPECT_EQ(element_size(ball, p), 0.15);
+  p.element_size = 0.16;
+  try {
+    element_size(ball, p);
+    FAIL() << "not refused";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("engine.element_mm"), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("use at most 0.150000 mm"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace toothprep::testing
