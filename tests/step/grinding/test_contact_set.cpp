@@ -19,7 +19,7 @@ PerTissue<GrindingProperties> tissues() {
 }
 
 // Faces +x at radius 0.5, so that n_t = +y.
-ContactSet::Element facing_x() { return {1, 0, 0, 0, 0, 0, 0, 1, 0.2f, 1, 0.5f, 0.1f}; }
+ContactSet::Element facing_x() { return {1, 0, 0, 0, 0, 0, 0, 1, 0.2f, 0.5f, 0.1f}; }
 PerTissue<float> all_in(Tissue tissue) {
   PerTissue<float> share{};
   share[static_cast<int>(tissue) - 1] = 1;

@@ -252,8 +252,8 @@ FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
                         Parameters p = parameters;
                         p.engine = variant->engine;
                         if (p.engine != EngineKind::kVoxel) p.trailing_elements = false;
-                        p.element_size = kElementSize * variant->voxel / o.voxel;
                         try {
+                          p.element_size = element_size(bur, p) * variant->voxel / o.voxel;
                           Outcome outcome = run_on(
                               run, p, make_specimen(experiment, variant->voxel), o.bur_library);
                           variant->report = report_of(run, outcome, variant->voxel, &exact);

@@ -14,7 +14,8 @@ namespace {
 
 constexpr double kWorstStd = 0.25;     // relative, of tau_s
 constexpr double kUnknownShare = 0.5;  // of the torque, from tissue whose u isn't known
-constexpr int kPasses = 30;
+constexpr int kPasses = 100;
+constexpr int kHalvings = 40;
 constexpr double kLeastRoot = 0.05;  // of sqrt(1 - x): next to the collapse there is no slope
 
 struct Sample {
@@ -107,16 +108,28 @@ double slope_of(const std::vector<Sample>& samples) {
   return (tn - t * n / count) / std::max(tt - t * t / count, 1e-300);
 }
 
-// Gauss and Newton from a first guess.
+// Gauss and Newton from a first guess. A step that doesn't lower the loss is halved.
 Droop fitted(Droop droop, const std::vector<Sample>& samples) {
+  const auto loss = [&samples](const Droop& d) {
+    double sum = 0;
+    for (const Sample& s : samples) sum += loss_at(RobustLoss::kHuber, d.residual(s) / d.scale).rho;
+    return sum;
+  };
   for (int pass = 0; pass < kPasses; ++pass) {
     std::vector<double> size;
     for (const Sample& s : samples) size.push_back(std::abs(droop.residual(s)));
     droop.scale = std::max(kSigmaOfMedian * quantile(std::move(size), 0.5), 1e-9 * droop.rate);
     const Sums sums = droop.sums(samples, 0, samples.size());
-    const Eigen::VectorXd by = -solve_scaled(sums.H, sums.g.col(0));
-    droop.rate *= std::exp(std::clamp(by[0], -0.5, 0.5));
-    droop.stall *= std::exp(std::clamp(by[1], -0.5, 0.5));
+    Eigen::VectorXd by = -solve_scaled(sums.H, sums.g.col(0));
+    by = by.cwiseMax(-0.5).cwiseMin(0.5);
+    const double before = loss(droop);
+    Droop next = droop;
+    for (int half = 0; half < kHalvings; ++half, by /= 2) {
+      next.rate = droop.rate * std::exp(by[0]);
+      next.stall = droop.stall * std::exp(by[1]);
+      if (loss(next) < before) break;
+    }
+    droop = next;
     if (by.cwiseAbs().maxCoeff() < 1e-10) break;
   }
   return droop;
