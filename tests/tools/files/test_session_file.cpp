@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <limits>
@@ -167,6 +169,29 @@ TEST(SessionFile, DamagedRecordingsAreRefusedOrRead) {
     }
   }
   EXPECT_GT(refused, 0);
+}
+
+// Zeros in a block with a checksum look like a block that is being written; HDF5 by itself reads it
+// a hundred times, with pauses of 10 s in all.
+TEST(SessionFile, ZerosInTheMetadataAreRefusedWithoutWaitingForAWriter) {
+  const ScratchFile file("whole"), damaged("damaged");
+  {
+    SessionRecorder recorder(file.path, synthetic_header());  // not finished: marked as growing
+    for (int i = 0; i < 50; ++i) recorder.push(synthetic_tick(i));
+  }
+  std::ostringstream whole;
+  whole << std::ifstream(file.path, std::ios::binary).rdbuf();
+  const auto start = std::chrono::steady_clock::now();
+  for (std::size_t at = 100; at < 4000; at += 300) {
+    std::string changed = whole.str();
+    std::fill_n(changed.begin() + static_cast<std::ptrdiff_t>(at), 200, '\0');
+    std::ofstream(damaged.path, std::ios::binary) << changed;
+    try {
+      read_session(damaged.path);
+    } catch (const InputError&) {
+    }
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
 }
 
 TEST(SessionFile, WithoutFinishAllRowsAreThereButItIsNotComplete) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace toothprep {
 namespace {
@@ -85,20 +84,6 @@ struct ContactModel::Scan {
 
 namespace {
 
-// The corners of the cell that was looked up last: parts of one element share cells.
-struct CellCache {
-  Index3 cell = Index3::Constant(std::numeric_limits<int>::min());
-  float corners[8];
-
-  const float* at(const LevelSet& field, int x, int y, int z) noexcept {
-    if (x != cell.x() || y != cell.y() || z != cell.z()) {
-      cell = Index3(x, y, z);
-      cell_corners(field, x, y, z, corners);
-    }
-    return corners;
-  }
-};
-
 // The axes of an element or a part in index space, scaled by half its extents: what the field's
 // gradient is multiplied by to get half its range.
 struct HalfAxes {
@@ -180,31 +165,30 @@ ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
   for (auto* array : {&fx_, &fy_, &fz_, &value_, &extent_, &along_}) array->resize(n);
   for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
   for (auto& array : corner_) array.resize(n);
-  parts_.reserve(kParts * kParts * n);
   for (std::size_t i = 0; i < n; ++i) {
-    first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
+    first_node_.push_back(nodes_.size());
     const bool curved = elements_.curvature_along[i] != 0;
     const double gauss = 1 / std::sqrt(3.0);
     for (const double around : {-gauss, gauss}) {
-      if (!curved) nodes_.push_back(part_of(i, around, 0, 0.5));
+      if (!curved) add_part(i, around, 0, 0.5, nodes_);
       if (!curved) continue;
-      nodes_.push_back(part_of(i, around, -gauss, 0.25));
-      nodes_.push_back(part_of(i, around, gauss, 0.25));
+      add_part(i, around, -gauss, 0.25, nodes_);
+      add_part(i, around, gauss, 0.25, nodes_);
     }
     for (int p = 0; p < kParts; ++p)
-      strips_.push_back(part_of(i, (2 * p + 1.0) / kParts - 1, 0, 1.0 / kParts));
+      add_part(i, (2 * p + 1.0) / kParts - 1, 0, 1.0 / kParts, strips_);
     for (int p = 0; p < kParts; ++p)
       for (int q = 0; q < kParts; ++q)
-        parts_.push_back(part_of(i, (2 * p + 1.0) / kParts - 1, (2 * q + 1.0) / kParts - 1,
-                                 1.0 / (kParts * kParts)));
+        add_part(i, (2 * p + 1.0) / kParts - 1, (2 * q + 1.0) / kParts - 1, 1.0 / (kParts * kParts),
+                 parts_);
   }
-  first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
+  first_node_.push_back(nodes_.size());
 }
 
 // The point of element i at the given places (-1 .. 1) around the axis and along the profile, with
 // a share of the element's weight.
-ContactModel::Part ContactModel::part_of(std::size_t i, double around, double along,
-                                         double share) const {
+void ContactModel::add_part(std::size_t i, double around, double along, double share,
+                            Parts& to) const {
   const SurfaceElements& e = elements_;
   const double curvature = e.curvature_along[i], way = along * e.half_along[i];
   const double turn = around * e.half_around[i] / e.radius[i];
@@ -223,12 +207,14 @@ ContactModel::Part ContactModel::part_of(std::size_t i, double around, double al
   t = about_axis * t;
   const Vec3 m = x.cross(n);
   const double weight = share * e.weight[i], radius = std::hypot(x.x(), x.y());
+  const Vec3 up = n.cross(t);  // along the profile
   const auto f = [](double value) { return static_cast<float>(value); };
-  return {f(x.x()),
-          f(x.y()),
-          f(x.z()),
-          {f(n.x()), f(n.y()), f(n.z()), f(m.x()), f(m.y()), f(m.z()), f(t.x()), f(t.y()),
-           f(weight), f(radius), f(weight * radius)}};
+  to.x.push_back(f(x.x())), to.y.push_back(f(x.y())), to.z.push_back(f(x.z()));
+  to.nx.push_back(f(n.x())), to.ny.push_back(f(n.y())), to.nz.push_back(f(n.z()));
+  to.tx.push_back(f(t.x())), to.ty.push_back(f(t.y()));
+  to.lx.push_back(f(up.x())), to.ly.push_back(f(up.y())), to.lz.push_back(f(up.z()));
+  to.element.push_back({f(n.x()), f(n.y()), f(n.z()), f(m.x()), f(m.y()), f(m.z()), f(t.x()),
+                        f(t.y()), f(weight), f(radius), f(weight * radius)});
 }
 
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
@@ -277,7 +263,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
 }
 
 // Element i: in the void or in air, engaged as a whole in one tissue, or divided.
-void ContactModel::settle(Scan& scan, int i) noexcept {
+void ContactModel::settle(const Scan& scan, int i) noexcept {
   if (value_[i] >= extent_[i]) return;
   const SurfaceElements& e = elements_;
   const Workpiece& workpiece = scan.workpiece;
@@ -293,12 +279,13 @@ void ContactModel::settle(Scan& scan, int i) noexcept {
                                   (a[6] * e.x[i] + a[7] * e.y[i] + a[8] * e.z[i]));
   const Advance advance = advance_of(scan, i);
   const bool whole = value_[i] <= -extent_[i] && advance == Advance::kWhole;
+  Known known;
   const auto divided = [&] {
     // What can only advance once the motion turns has no force yet.
     if (advance == Advance::kNone)
-      divide(scan, i, ahead, &nodes_[first_node_[i]], 2, e.curvature_along[i] == 0 ? 1 : 2);
+      divide(scan, i, ahead, known, nodes_, first_node_[i], 2, e.curvature_along[i] == 0 ? 1 : 2);
     else
-      divide(scan, i, ahead, &parts_[i * kParts * kParts], kParts, kParts);
+      divide(scan, i, ahead, known, parts_, i * kParts * kParts, kParts, kParts);
   };
   // A brick's flags are those of all cells that start in it or in its upper neighbours: taken at
   // the element's lower corner they hold for all of it.
@@ -307,30 +294,31 @@ void ContactModel::settle(Scan& scan, int i) noexcept {
   const std::int64_t lower =
       workpiece.cut().brick_index(cell.x() - margin, cell.y() - margin, cell.z() - margin);
   const auto brick = static_cast<std::size_t>(lower);
-  if (lower < 0 || !workpiece.deep(brick)) {
+  known.only = lower < 0 ? 0 : workpiece.only_tissue(brick);
+  known.inside = lower >= 0 && workpiece.deep(brick);
+  if (!known.inside) {
     const FieldSample s = field_at(workpiece.tooth().solid, cell, i);
     const float value = at_surface(s, ahead);
     const float extent = kSlack * HalfAxes(a, e, i).extent(s) + sag_of(e, i);
     if (value >= extent) return;
     if (value > -extent) return divided();
+    known.inside = true;
   }
-  std::uint8_t only = lower < 0 ? 0 : workpiece.only_tissue(brick);
-  for (int k = 0; only == 0 && k < tissue_index(Tissue::kOther); ++k) {
+  for (int k = 0; known.only == 0 && k < tissue_index(Tissue::kOther); ++k) {
     const FieldSample s = field_at(workpiece.tooth().remains[k], cell, i);
     if (at_surface(s, ahead) <= -(kSlack * HalfAxes(a, e, i).extent(s) + sag_of(e, i)))
-      only = static_cast<std::uint8_t>(k + 1);
+      known.only = static_cast<std::uint8_t>(k + 1);
   }
-  if (only == 0) return divided();
+  if (known.only == 0) return divided();
   if (advance == Advance::kNone || (whole && !hides_void(scan, i, ahead))) {
-    PerTissue<float> share{};
-    share[only - 1] = whole ? 1 : share_inside(value_[i], extent_[i]);
+    const float share = whole ? 1 : share_inside(value_[i], extent_[i]);
     for (std::int32_t n = first_node_[i]; n < first_node_[i + 1]; ++n)
-      contact_.add(nodes_[n].element, share);
+      contact_.add(nodes_.element[n], known.only - 1, share);
     return;
   }
   // A wall along a straight profile needs no division along it.
   if (e.curvature_along[i] == 0 && along_[i] < kAlongWall * e.half_around[i])
-    return divide(scan, i, ahead, &strips_[i * kParts], kParts, 1);
+    return divide(scan, i, ahead, known, strips_, i * kParts, kParts, 1);
   divided();
 }
 
@@ -376,56 +364,131 @@ bool ContactModel::hides_void(const Scan& scan, int i,
   return s.value > -kSlack * HalfAxes(f.a, elements_, i).extent(s);
 }
 
+// The samples of an element's parts.
+struct ContactModel::PartSamples {
+  static constexpr int kMost = kParts * kParts;
+  int count;
+  std::int32_t x[kMost], y[kMost], z[kMost];  // cell, from the tip's voxel
+  float fx[kMost], fy[kMost], fz[kMost];      // place in it
+  float advance[kMost];                       // v·n less the margin, mm/s
+  float corner[8][kMost];
+  float covered[kMost];
+};
+
+void ContactModel::locate_parts(const Scan& scan, const Eigen::Vector3f& ahead, const Parts& parts,
+                                int first, PartSamples& s) const noexcept {
+  const IndexFrame& f = scan.frame;
+  const float* a = f.a;
+  const float bx = f.fx + ahead.x(), by = f.fy + ahead.y(), bz = f.fz + ahead.z();
+  const float *x = &parts.x[first], *y = &parts.y[first], *z = &parts.z[first];
+  const float *nx = &parts.nx[first], *ny = &parts.ny[first], *nz = &parts.nz[first];
+  const float vx = scan.v.x(), vy = scan.v.y(), vz = scan.v.z();
+  const float least = kMarginSine * scan.speed;
+  const int n = s.count;
+#pragma omp simd
+  for (int p = 0; p < n; ++p) {
+    const float ix = bx + a[0] * x[p] + a[1] * y[p] + a[2] * z[p];
+    const float iy = by + a[3] * x[p] + a[4] * y[p] + a[5] * z[p];
+    const float iz = bz + a[6] * x[p] + a[7] * y[p] + a[8] * z[p];
+    const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
+    s.x[p] = jx, s.y[p] = jy, s.z[p] = jz;
+    s.fx[p] = ix - static_cast<float>(jx);
+    s.fy[p] = iy - static_cast<float>(jy);
+    s.fz[p] = iz - static_cast<float>(jz);
+    s.advance[p] = vx * nx[p] + vy * ny[p] + vz * nz[p] + least;
+  }
+  if (!scan.turns) return;
+  for (int p = 0; p < n; ++p) {
+    const Eigen::Vector3f u = scan.velocity_at(x[p], y[p], z[p]);
+    s.advance[p] = u.x() * nx[p] + u.y() * ny[p] + u.z() * nz[p] + kMarginSine * u.norm();
+  }
+}
+
 // Element i part by part.
-void ContactModel::divide(Scan& scan, int i, const Eigen::Vector3f& ahead, const Part* parts,
-                          int around, int along) noexcept {
+void ContactModel::divide(const Scan& scan, int i, const Eigen::Vector3f& ahead, const Known& known,
+                          const Parts& parts, int first, int around, int along) noexcept {
   const Workpiece& workpiece = scan.workpiece;
+  const LevelSet& cut = workpiece.cut();
   const IndexFrame& f = scan.frame;
   const float* a = f.a;
   const float half_along = elements_.half_along[i] / static_cast<float>(along),
               half_around = elements_.half_around[i] / static_cast<float>(around);
+  // The part is convex: its rim lies behind its tangent plane by the sag, on average a third of it.
   const float sag = sag_of(elements_, i) / static_cast<float>(kParts * kParts);
   const auto wall = kWall * static_cast<float>(workpiece.voxel() * workpiece.voxel()) *
                     (elements_.curvature_along[i] + elements_.curvature_around[i]);
-  CellCache cut, solid;
-  for (int n = 0; n < around * along; ++n) {
-    const Part& part = parts[n];
-    const Eigen::Vector3f u = scan.velocity_at(part.x, part.y, part.z);
-    const ContactSet::Element& e = part.element;
-    if (u.x() * e.nx + u.y() * e.ny + u.z() * e.nz < -kMarginSine * scan.speed_of(u)) continue;
-    const float ix = f.fx + a[0] * part.x + a[1] * part.y + a[2] * part.z + ahead.x();
-    const float iy = f.fy + a[3] * part.x + a[4] * part.y + a[5] * part.z + ahead.y();
-    const float iz = f.fz + a[6] * part.x + a[7] * part.y + a[8] * part.z + ahead.z();
-    const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
-    const Index3 cell = f.base + Index3(jx, jy, jz);
-    const std::int64_t brick = workpiece.cut().brick_index(cell.x(), cell.y(), cell.z());
-    if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) continue;
-    const auto b = static_cast<std::size_t>(brick);
-    const float fx = ix - static_cast<float>(jx), fy = iy - static_cast<float>(jy),
-                fz = iz - static_cast<float>(jz);
+  PartSamples s;
+  s.count = around * along;
+  locate_parts(scan, ahead, parts, first, s);
+
+  int live = 0;
+  std::int64_t brick[PartSamples::kMost];
+  int last = -1;  // the part that was looked up last: neighbours share cells
+  for (int p = 0; p < s.count; ++p) {
+    brick[p] = -1;
+    for (auto& corner : s.corner) corner[p] = 0;
+    if (s.advance[p] < 0) continue;
+    const int x = f.base.x() + s.x[p], y = f.base.y() + s.y[p], z = f.base.z() + s.z[p];
+    if (last >= 0 && s.x[p] == s.x[last] && s.y[p] == s.y[last] && s.z[p] == s.z[last]) {
+      brick[p] = brick[last];
+      for (auto& corner : s.corner) corner[p] = corner[last];
+    } else {
+      const std::int64_t b = cut.brick_index(x, y, z);
+      if (b < 0 || workpiece.air(static_cast<std::size_t>(b))) continue;
+      brick[p] = b;
+      float corners[8];
+      cell_corners(cut, x, y, z, corners);
+      for (int k = 0; k < 8; ++k) s.corner[k][p] = corners[k];
+      last = p;
+    }
+    ++live;
+  }
+  if (live == 0) return;
+
+  const float *lx = &parts.lx[first], *ly = &parts.ly[first], *lz = &parts.lz[first];
+  const float *tx = &parts.tx[first], *ty = &parts.ty[first];
+  const int n = s.count;
+#pragma omp simd
+  for (int p = 0; p < n; ++p) {
     const FieldSample c =
-        sample_cell(cut.at(workpiece.cut(), cell.x(), cell.y(), cell.z()), fx, fy, fz);
-    if (c.value >= half_along + half_around) continue;
-    // l = n x t. The part is convex: its rim lies behind its tangent plane by the sag, on average a
-    // third of it.
-    const HalfAxes axes(a, Eigen::Vector3f(-e.nz * e.ty, e.nz * e.tx, e.nx * e.ty - e.ny * e.tx),
-                        Eigen::Vector3f(e.tx, e.ty, 0), half_along, half_around);
-    float covered = share_inside(c.value + wall + sag / 3, axes.extent(c) - 2 * sag / 3);
-    if (covered <= 0) continue;
-    if (!workpiece.deep(b)) {
-      const FieldSample s =
-          sample_cell(solid.at(workpiece.tooth().solid, cell.x(), cell.y(), cell.z()), fx, fy, fz);
-      covered *= share_inside(at_surface(s, ahead), axes.extent(s));
+        sample_cell(s.corner[0][p], s.corner[1][p], s.corner[2][p], s.corner[3][p], s.corner[4][p],
+                    s.corner[5][p], s.corner[6][p], s.corner[7][p], s.fx[p], s.fy[p], s.fz[p]);
+    const float gx = a[0] * c.gx + a[3] * c.gy + a[6] * c.gz;
+    const float gy = a[1] * c.gx + a[4] * c.gy + a[7] * c.gz;
+    const float gz = a[2] * c.gx + a[5] * c.gy + a[8] * c.gz;
+    const float extent = std::abs(gx * lx[p] + gy * ly[p] + gz * lz[p]) * half_along +
+                         std::abs(gx * tx[p] + gy * ty[p]) * half_around;
+    s.covered[p] = share_inside(c.value + wall + sag / 3, extent - 2 * sag / 3);
+  }
+
+  for (int p = 0; p < n; ++p) {
+    float covered = s.covered[p];
+    if (brick[p] < 0 || covered <= 0) continue;
+    const auto b = static_cast<std::size_t>(brick[p]);
+    const bool inside = known.inside || workpiece.deep(b);
+    const std::uint8_t only = known.only != 0 ? known.only : workpiece.only_tissue(b);
+    const ContactSet::Element& e = parts.element[first + p];
+    if (only != 0 && inside) {
+      contact_.add(e, only - 1, covered);
+      continue;
+    }
+    const Index3 cell = f.base + Index3(s.x[p], s.y[p], s.z[p]);
+    const HalfAxes axes(a, Eigen::Vector3f(lx[p], ly[p], lz[p]), Eigen::Vector3f(tx[p], ty[p], 0),
+                        half_along, half_around);
+    if (!inside) {
+      float corners[8];
+      cell_corners(workpiece.tooth().solid, cell.x(), cell.y(), cell.z(), corners);
+      const FieldSample solid = sample_cell(corners, s.fx[p], s.fy[p], s.fz[p]);
+      covered *= share_inside(at_surface(solid, ahead), axes.extent(solid));
       if (covered <= 0) continue;
     }
-    PerTissue<float> share{};
-    const std::uint8_t only = workpiece.only_tissue(b);
     if (only != 0) {
-      share[only - 1] = covered;
-    } else {
-      tissue_shares(workpiece, b, cell, fx, fy, fz, ahead, axes, share);
-      for (float& k : share) k *= covered;
+      contact_.add(e, only - 1, covered);
+      continue;
     }
+    PerTissue<float> share{};
+    tissue_shares(workpiece, b, cell, s.fx[p], s.fy[p], s.fz[p], ahead, axes, share);
+    for (float& k : share) k *= covered;
     contact_.add(e, share);
   }
 }

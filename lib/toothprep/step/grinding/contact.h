@@ -51,25 +51,37 @@ class ContactModel {
   struct IndexFrame;
 
  private:
-  // A point of the surface that stands for a part of an element.
-  struct Part {
-    float x, y, z;  // mm, B
-    ContactSet::Element element;
+  // Points of the surface that stand for parts of elements: an array each, for loops over
+  // neighbours, and beside it what a contact set takes.
+  struct Parts {
+    std::vector<float> x, y, z;                         // mm, B
+    std::vector<float> nx, ny, nz, tx, ty, lx, ly, lz;  // as of SurfaceElements
+    std::vector<ContactSet::Element> element;
+
+    int size() const { return static_cast<int>(element.size()); }
   };
   // One sample under way.
   struct Scan;
 
-  Part part_of(std::size_t i, double around, double along, double share) const;
+  void add_part(std::size_t i, double around, double along, double share, Parts& to) const;
 
   // The passes of sample(); see there.
   int locate_straight(const IndexFrame& frame, const Vec3& v, double reach) noexcept;
   int locate_turning(const IndexFrame& frame, const Vec3& v, const Vec3& omega,
                      double reach) noexcept;
   void measure(const float* to_index, int begin, int end) noexcept;
-  void settle(Scan& scan, int i) noexcept;
+  void settle(const Scan& scan, int i) noexcept;
   FieldSample field_at(const LevelSet& field, const Index3& cell, int i) const noexcept;
-  void divide(Scan& scan, int i, const Eigen::Vector3f& ahead, const Part* parts, int around,
-              int along) noexcept;
+  // What is known of an element as a whole.
+  struct Known {
+    bool inside = false;    // of the tooth's surface
+    std::uint8_t only = 0;  // the label of the one tissue that it lies in
+  };
+  void divide(const Scan& scan, int i, const Eigen::Vector3f& ahead, const Known& known,
+              const Parts& parts, int first, int around, int along) noexcept;
+  struct PartSamples;
+  void locate_parts(const Scan& scan, const Eigen::Vector3f& ahead, const Parts& parts, int first,
+                    PartSamples& s) const noexcept;
   enum class Advance { kNone, kPartly, kWhole };
   Advance advance_of(const Scan& scan, int i) const noexcept;
   bool hides_void(const Scan& scan, int i, const Eigen::Vector3f& ahead) const noexcept;
@@ -80,7 +92,7 @@ class ContactModel {
   // Of each element: the points that stand for it where it is engaged as a whole (two-point Gauss
   // rule along each curved direction), and its kParts x kParts parts for where it isn't.
   std::vector<std::int32_t> first_node_;  // and one past the last
-  std::vector<Part> nodes_, parts_, strips_;
+  Parts nodes_, parts_, strips_;
 
   // Everything below is an array over the elements, so that the passes of a sample run in place and
   // side by side. Of a sample: the cell (voxel of its lower corner, from the tip's voxel) and the

@@ -20,6 +20,21 @@ ContactSet::ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>
   area_.resize(capacity);
 }
 
+void ContactSet::put(const Element& e, float t, float m) noexcept {
+  const int n = count_++;
+  nx_[n] = e.nx;
+  ny_[n] = e.ny;
+  nz_[n] = e.nz;
+  mx_[n] = e.mx;
+  my_[n] = e.my;
+  mz_[n] = e.mz;
+  t *= e.weight, m *= e.weight;
+  qx_[n] = t * e.tx - m * e.nx;
+  qy_[n] = t * e.ty - m * e.ny;
+  qz_[n] = -m * e.nz;
+  torque_[n] = t * e.arm;
+}
+
 void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
   float t = 0, m = 0;
   for (int k = 0; k < kTissueCount; ++k) {
@@ -27,17 +42,13 @@ void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
     m += share[k] * cn_[k];
     area_[count_][k] = share[k] * e.area;
   }
-  nx_[count_] = e.nx;
-  ny_[count_] = e.ny;
-  nz_[count_] = e.nz;
-  mx_[count_] = e.mx;
-  my_[count_] = e.my;
-  mz_[count_] = e.mz;
-  qx_[count_] = e.weight * (t * e.tx - m * e.nx);
-  qy_[count_] = e.weight * (t * e.ty - m * e.ny);
-  qz_[count_] = e.weight * (-m * e.nz);
-  torque_[count_] = t * e.weight * e.arm;
-  ++count_;
+  put(e, t, m);
+}
+
+void ContactSet::add(const Element& e, int tissue, float share) noexcept {
+  area_[count_] = {};
+  area_[count_][tissue] = share * e.area;
+  put(e, share * ct_[tissue], share * cn_[tissue]);
 }
 
 GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega) const noexcept {

@@ -77,6 +77,8 @@ class ContactSet {
   void clear() noexcept { count_ = 0; }
   // Adds an element of which `share` lies in each tissue (0 .. 1). Never beyond the capacity.
   void add(const Element& element, const PerTissue<float>& share) noexcept;
+  // The same of an element that lies in one tissue only (its index).
+  void add(const Element& element, int tissue, float share) noexcept;
   int size() const { return count_; }
 
   // The response with the advancing set {v·n + omega·(r x n) > 0}; v in mm/s, omega in rad/s, B.
@@ -92,6 +94,8 @@ class ContactSet {
   bool any_advances(const Vec3& v, const Vec3& omega) const noexcept;
 
  private:
+  void put(const Element& element, float tangential, float normal) noexcept;
+
   PerTissue<float> ct_{}, cn_{};  // u/(2 pi), u/(2 pi alpha)
   float least_;  // elements count above this advance: 0, or -infinity with `trailing`
   int count_ = 0;

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kSecondsPerValue = 1e-6;      // CPU, to read one and to put it where it belongs
 constexpr std::size_t kBytesPerRow = 2000;     // of a recording, with what reading it takes
+constexpr unsigned kReadAttempts = 22;         // of a block of a growing file: some 4 ms
 constexpr hsize_t kLargestChunk = 256u << 20;  // bytes, which HDF5 allocates to read one
 
 // Nothing that a file names is fetched from elsewhere: links to other files lead nowhere, and no
@@ -46,8 +47,12 @@ Reader::Reader(const std::string& path) : path_(path) {
                      "give a trace or a trajectory (.h5)");
   file_ = Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!file_) {
+    // A checksum that doesn't hold may be a block that is being written: HDF5 waits and reads again,
+    // twice as long each time; a hundred times by itself, which takes 10 s of a damaged file.
+    const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+    H5Pset_metadata_read_attempts(access.get(), kReadAttempts);
     file_ =
-        Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT), H5Fclose);
+        Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access.get()), H5Fclose);
     growing_ = true;
   }
   if (!file_)

@@ -146,6 +146,13 @@ TextHeader text_header(const std::string& path, Format format) {
     at = std::min(line_end + 1, text.size());
     const auto colon = line.find(format == Format::kNrrd ? ':' : '=');
     if (format == Format::kNrrd && line.empty()) header.ended = true;
+    // ITK ends at a zero byte, or takes the next line for the value of this one.
+    const bool text_line = std::none_of(line.begin(), line.end(), [](char c) {
+      return static_cast<unsigned char>(c) < ' ' && c != '\t';
+    });
+    if (!text_line || (format == Format::kMeta && !line.empty() && line[0] != '#' &&
+                       line.find_first_of("=:") == std::string::npos))
+      throw InputError(path, "line " + std::to_string(n), "is no line of such a header", kDamaged);
     if (colon == std::string::npos || line[0] == '#') continue;
     if (line.size() > kLongestLine)
       throw InputError(path, "line " + std::to_string(n), "is longer than any of such a header",

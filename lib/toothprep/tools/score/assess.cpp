@@ -97,7 +97,7 @@ std::vector<std::string> judge_trace(const std::string& file, const Trace& trace
   }
   double force = 0, lag = 0;
   for (const StepRecord& row : trace.rows) {
-    force = std::max(force, row.device_force.norm());
+    force = std::max({force, row.device_force.norm(), row.grinding_force.norm()});
     lag = std::max(lag, (row.bur.position - row.handle.pose.position).norm());
   }
   const Audit audit = judge_audit(trace.audit.torque_work_mj, trace.audit.removed_energy_mj,
