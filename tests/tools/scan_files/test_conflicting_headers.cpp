@@ -106,6 +106,20 @@ TEST_F(ConflictingHeaders, ALineWithAControlCharacterOrWithoutAKeyIsRefused) {
               HasSubstr("is no line of such a header"));
 }
 
+TEST_F(ConflictingHeaders, APlaceThatIsNoNumberIsRefused) {
+  const std::string raw = raw_of(some_image());
+  EXPECT_THAT(refusal(write("a.nrrd", nrrd("space: left-posterior-superior\n"
+                                           "space directions: (1,0,0) (0,1,0) (0,0,1)\n"
+                                           "space origin: (0,-1*5,2)") +
+                                          raw)),
+              HasSubstr("space origin: holds '-1*5' where a number has to be"));
+  const std::string sound = meta("0.3 0.3 0.3");
+  const std::string offset = "Offset = 0 1x 2\n";
+  EXPECT_THAT(
+      refusal(write("a.mha", std::string(sound).insert(sound.find('\n') + 1, offset) + raw)),
+      HasSubstr("Offset: holds '1x'"));
+}
+
 TEST_F(ConflictingHeaders, ASpacingOfNiftiThatIsNoneIsRefused) {
   const std::string sound = nifti(some_image());
   for (std::size_t axis = 0; axis < 3; ++axis)

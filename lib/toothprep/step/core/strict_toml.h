@@ -23,15 +23,14 @@ namespace toothprep {
 
 // The whole text of a file that a person wrote; refuses what is no regular file and more than 16 MB.
 inline std::string read_small_text(const std::string& path) {
-  constexpr std::streamsize kLargest = 16 << 20;
-  regular_file_size(path);
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw InputError(path, "", "cannot be read");
-  std::string text(static_cast<std::size_t>(kLargest) + 1, '\0');
-  in.read(text.data(), kLargest + 1);
-  if (in.bad()) throw InputError(path, "", "cannot be read");
-  if (in.gcount() > kLargest)
+  constexpr std::uint64_t kLargest = 16 << 20;
+  const std::uint64_t size = regular_file_size(path);
+  if (size > kLargest)
     throw InputError(path, "", "is larger than 16 MB", "this is not a file of settings");
+  std::ifstream in(path, std::ios::binary);
+  std::string text(static_cast<std::size_t>(size), '\0');
+  in.read(text.data(), static_cast<std::streamsize>(size));
+  if (!in && !in.eof()) throw InputError(path, "", "cannot be read");
   text.resize(static_cast<std::size_t>(in.gcount()));
   return text;
 }

@@ -339,8 +339,24 @@ Stated stated_vectors(const std::string& value) {
   return stated;
 }
 
+// ITK's readers take the beginning of a damaged number for the number.
+void check_places(const std::string& path, const TextHeader& header,
+                  std::initializer_list<const char*> fields) {
+  for (const char* field : fields) {
+    std::string value = header.value_of(lower(field));
+    std::replace_if(
+        value.begin(), value.end(), [](char c) { return c == '(' || c == ')' || c == ','; }, ' ');
+    const Stated stated = stated_numbers(value);
+    for (std::size_t n = 0; n < stated.text.size(); ++n)
+      if (!std::isfinite(stated.length[n]))
+        throw InputError(path, field, "holds '" + stated.text[n] + "' where a number has to be",
+                         kCorrect);
+  }
+}
+
 void check_nrrd_spacing(const std::string& path) {
   const TextHeader header = text_header(path, Format::kNrrd);
+  check_places(path, header, {"sizes", "space origin"});
   for (const std::string field : {"spacings", "space directions"}) {
     const std::string value = header.value_of(field);
     if (value.empty()) continue;
@@ -366,6 +382,9 @@ void check_nrrd_spacing(const std::string& path) {
 
 void check_meta_spacing(const std::string& path) {
   const TextHeader header = text_header(path, Format::kMeta);
+  check_places(
+      path, header,
+      {"DimSize", "Offset", "Position", "Origin", "TransformMatrix", "Rotation", "Orientation"});
   for (const std::string field : {"ElementSpacing", "ElementSize"}) {
     const std::string value = header.value_of(lower(field));
     if (value.empty()) continue;
