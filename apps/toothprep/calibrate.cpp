@@ -162,7 +162,7 @@ void run(const Options& o, const Common& common) {
   listener.motion = percent_on(!common.quiet && isatty(STDERR_FILENO) != 0);
   const auto recordings =
       read_recordings(o.measured, settings, sources.tooth_sha256, o.tooth, o.bur, listener);
-  const Calibration c = calibrate(bur, tooth, recordings, settings, listener);
+  const CalibrationResult c = calibrate(bur, tooth, recordings, settings, listener);
 
   const std::string json = fit_json(c.fit, sources);
   write_file(output, json);

@@ -34,7 +34,10 @@ def targets():
 def ours(report):
     """Whether the report's first stack comes from this repository's code rather than from a library that it calls."""
     with open(report, errors="replace") as file:
-        for frame in re.findall(r"^ +#\d+ \S+ in (.*)$", file.read().split("\n\n")[0], re.M):
+        text = file.read()
+        if "ERROR: " not in text and "runtime error: " not in text:  # an allocation that was refused
+            return False
+        for frame in re.findall(r"^ +#\d+ \S+ in (.*)$", text.split("\n\n")[0], re.M):
             if "/lib/toothprep/" in frame:
                 return True
             if ".so" in frame or re.search(r"/usr/include/(openvdb|ITK|gdcm|CGAL|eigen3)", frame):

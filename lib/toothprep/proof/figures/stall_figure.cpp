@@ -9,7 +9,7 @@ namespace toothprep::figures {
 namespace {
 
 // Percent; the voxel engine's contact is one of whole voxels.
-double aim(EngineKind engine) { return engine == EngineKind::kLevelset ? 1 : 3; }
+double stall_aim(EngineKind engine) { return engine == EngineKind::kLevelset ? 1 : 3; }
 
 struct StallRows {
   std::size_t onset = 0, end = 0;  // first stalled row, first row after
@@ -36,7 +36,7 @@ void claim_stall(FigureReport& figure, const Run& run, const Bur& bur, const Out
   const std::vector<StepRecord>& rows = outcome.replay.rows;
   const Parameters& p = outcome.parameters;
   const std::string engine = name_of(p.engine);
-  const double allowed = aim(p.engine);
+  const double allowed = stall_aim(p.engine);
   const StallRows s = first_stall(rows);
   const auto& totals = outcome.replay.totals;
   if (!exact.stall) {

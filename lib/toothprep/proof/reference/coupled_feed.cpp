@@ -139,7 +139,7 @@ class Integrator {
   double origin_;
 };
 
-void require(bool good, const std::string& condition) {
+void require_coupled(bool good, const std::string& condition) {
   if (!good) throw Error("coupled reference: " + condition);
 }
 
@@ -240,10 +240,11 @@ std::vector<State> integrate(const Scene& scene, const CoupledFeed& feed, const 
         if (h <= 2 * kSmallestStep) {
           const double now = solver.time(from.tau);
           const HandleMotion handle = feed.handle(now);
-          require(grinding_area(scene, {handle.position, feed.orientation}, handle.velocity) == 0,
-                  fmt::format("no solution from {:g} s on: the bur runs away from what held it, "
-                              "into more tissue",
-                              now));
+          require_coupled(
+              grinding_area(scene, {handle.position, feed.orientation}, handle.velocity) == 0,
+              fmt::format("no solution from {:g} s on: the bur runs away from what held it, "
+                          "into more tissue",
+                          now));
           result.break_through = now;
           return states;
         }
@@ -259,7 +260,7 @@ std::vector<State> integrate(const Scene& scene, const CoupledFeed& feed, const 
         h = *kink - from.tau;
         middle = solver.step(from, h / 2);
         if (middle) end = solver.step(*middle, h / 2);
-        require(middle && end, "no solution just before the contact changes its shape");
+        require_coupled(middle && end, "no solution just before the contact changes its shape");
       }
 
       const bool stalls = middle->torque >= feed.stall_torque || end->torque >= feed.stall_torque;
@@ -269,7 +270,7 @@ std::vector<State> integrate(const Scene& scene, const CoupledFeed& feed, const 
           if (part <= 0) return from.torque - feed.stall_torque;
           middle = solver.step(from, part / 2);
           if (middle) end = solver.step(*middle, part / 2);
-          require(middle && end, "no solution just before the stall");
+          require_coupled(middle && end, "no solution just before the stall");
           return end->torque - feed.stall_torque;
         };
         const double latest = middle->torque >= feed.stall_torque ? h / 2 : h;
@@ -336,17 +337,17 @@ Handle ramped_handle(const Vec3& start, const Vec3& acceleration) {
 
 CoupledResult coupled_feed(const Scene& scene, const CoupledFeed& feed,
                            const std::vector<double>& times) {
-  require(static_cast<bool>(feed.handle), "there is no handle motion");
-  require(feed.stiffness > 0 && std::isfinite(feed.stiffness),
-          "the stiffness must be positive and finite");
-  require(feed.damping >= 0 && std::isfinite(feed.damping),
-          "the damping must be finite and not negative");
-  require(feed.stall_torque > 0, "the stall torque must be positive");
-  require(feed.tolerance > 0 && feed.largest_step > 0,
-          "tolerance and largest step must be positive");
+  require_coupled(static_cast<bool>(feed.handle), "there is no handle motion");
+  require_coupled(feed.stiffness > 0 && std::isfinite(feed.stiffness),
+                  "the stiffness must be positive and finite");
+  require_coupled(feed.damping >= 0 && std::isfinite(feed.damping),
+                  "the damping must be finite and not negative");
+  require_coupled(feed.stall_torque > 0, "the stall torque must be positive");
+  require_coupled(feed.tolerance > 0 && feed.largest_step > 0,
+                  "tolerance and largest step must be positive");
   for (std::size_t i = 0; i < times.size(); ++i)
-    require(std::isfinite(times[i]) && (i == 0 || times[i] > times[i - 1]),
-            "times must be finite and increasing");
+    require_coupled(std::isfinite(times[i]) && (i == 0 || times[i] > times[i - 1]),
+                    "times must be finite and increasing");
   CoupledResult result;
   if (times.empty()) return result;
 
@@ -388,11 +389,12 @@ Vec3 stalled_force(const CoupledFeed& feed, const Vec3& stalled_position, double
 
 Eigen::VectorXd constant_drag_force(const Eigen::MatrixXd& drag, double stiffness,
                                     const Eigen::VectorXd& handle_velocity, double time) {
-  require(drag.rows() == drag.cols() && drag.rows() == handle_velocity.size() && drag.rows() > 0,
-          "drag and velocity must have the same dimension");
-  require(stiffness > 0 && time >= 0, "stiffness must be positive, time not negative");
+  require_coupled(
+      drag.rows() == drag.cols() && drag.rows() == handle_velocity.size() && drag.rows() > 0,
+      "drag and velocity must have the same dimension");
+  require_coupled(stiffness > 0 && time >= 0, "stiffness must be positive, time not negative");
   const Eigen::FullPivLU<Eigen::MatrixXd> lu(drag);
-  require(lu.isInvertible(), "a constant drag must be invertible");
+  require_coupled(lu.isInvertible(), "a constant drag must be invertible");
   const Eigen::MatrixXd decay = (stiffness * time * lu.inverse()).exp();
   return (decay - Eigen::MatrixXd::Identity(drag.rows(), drag.cols())) * drag * handle_velocity;
 }

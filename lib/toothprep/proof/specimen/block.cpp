@@ -8,15 +8,11 @@
 #include "toothprep/step/core/errors.h"
 
 namespace toothprep {
-namespace {
 
-// Exact signed distance to the axis-aligned box [low, high].
 double box_distance(const Vec3& x, const Vec3& low, const Vec3& high) {
   const Vec3 q = (x - (low + high) / 2).cwiseAbs() - (high - low) / 2;
   return q.cwiseMax(0.0).norm() + std::min(q.maxCoeff(), 0.0);
 }
-
-}  // namespace
 
 BoxGrid grid_of_box(const Vec3& low, const Vec3& high, double voxel, const Pose& pose) {
   BoxGrid grid;

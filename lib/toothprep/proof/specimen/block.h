@@ -12,6 +12,9 @@ struct BlockOptions {
   Pose pose;           // where the block's own frame (top face at y = 0) stands in W
 };
 
+// Exact signed distance to the axis-aligned box [low, high], mm.
+double box_distance(const Vec3& x, const Vec3& low, const Vec3& high);
+
 // The voxels that cover a box, given in a frame of its own, which `pose` takes to W. Centres lie
 // half a voxel beside the faces at low.x, high.y and low.z of a box that isn't turned.
 struct BoxGrid {

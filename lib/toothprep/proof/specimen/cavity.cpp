@@ -199,11 +199,6 @@ void check_stump(const CavityOptions& o) {
     refuse("a stump whose walls cut the pulp is not offered; make the pulp narrower");
 }
 
-double box_distance(const Vec3& x, const Vec3& low, const Vec3& high) {
-  const Vec3 q = (x - (low + high) / 2).cwiseAbs() - (high - low) / 2;
-  return q.cwiseMax(0.0).norm() + std::min(q.maxCoeff(), 0.0);
-}
-
 std::string text_of(const Vec3& v) {
   return fmt::format("{:.12g} {:.12g} {:.12g}", v.x() + 0.0, v.y() + 0.0, v.z() + 0.0);
 }

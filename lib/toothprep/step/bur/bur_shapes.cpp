@@ -63,7 +63,7 @@ const Letter& letter_of(char letter) {
                        [&](const Letter& l) { return l.letter == letter; });
 }
 
-std::string text(double value) { return fmt::format("{:g}", value); }
+std::string short_text(double value) { return fmt::format("{:g}", value); }
 
 // ---- Outlines. All close with a disc at the shank's end, which doesn't grind.
 
@@ -119,14 +119,15 @@ Outline ball(const Values& v) { return {arc_piece(0, 0, 0, v['D'], 0, v['D'] / 2
 Outline cylinder(const Values& v) {
   const double radius = v['D'] / 2, corner = v.get('R', 0);
   v.require(corner <= radius,
-            "R (" + text(corner) + ") must not exceed D/2 (" + text(radius) + ")");
-  v.require(corner <= v['L'], "L (" + text(v['L']) + ") must be at least R (" + text(corner) + ")");
+            "R (" + short_text(corner) + ") must not exceed D/2 (" + short_text(radius) + ")");
+  v.require(corner <= v['L'],
+            "L (" + short_text(v['L']) + ") must be at least R (" + short_text(corner) + ")");
   return tip_and_flank(radius - corner, corner, radius, v['L']);
 }
 
 Outline round_cylinder(const Values& v) {
-  v.require(v['L'] >= v['D'] / 2, "L (" + text(v['L']) + ") must be at least D/2 (" +
-                                      text(v['D'] / 2) + "), the height of the round end");
+  v.require(v['L'] >= v['D'] / 2, "L (" + short_text(v['L']) + ") must be at least D/2 (" +
+                                      short_text(v['D'] / 2) + "), the height of the round end");
   return tip_and_flank(0, v['D'] / 2, v['D'] / 2, v['L']);
 }
 
@@ -136,15 +137,15 @@ Outline cone(const Values& v) {
       v.has('A') ? std::tan(units::from_degree(v['A'])) : (v['D'] - v['T']) / (2 * length);
   const double tip = v['D'] / 2 - slope * length;
   v.require(tip >= 0,
-            v.has('A')
-                ? "A and L make the tip's diameter negative (" + text(2 * tip) + " mm)"
-                : "T (" + text(v.get('T', 0)) + ") must be smaller than D (" + text(v['D']) + ")");
-  v.require(slope > 0, "the tip must be narrower than D (" + text(v['D']) + ")",
+            v.has('A') ? "A and L make the tip's diameter negative (" + short_text(2 * tip) + " mm)"
+                       : "T (" + short_text(v.get('T', 0)) + ") must be smaller than D (" +
+                             short_text(v['D']) + ")");
+  v.require(slope > 0, "the tip must be narrower than D (" + short_text(v['D']) + ")",
             "for a head that widens to the tip use inverted-cone, for an even one cylinder");
   const double corner = v.get('R', 0), a = std::atan(slope);
   const double flat = tip - corner * (1 - std::sin(a)) / std::cos(a);
   v.require(flat >= 0 && (corner == 0 || corner * (1 + std::sin(a)) < length),
-            "R (" + text(corner) + ") does not fit the tip", "for a round end use taper");
+            "R (" + short_text(corner) + ") does not fit the tip", "for a round end use taper");
   return tip_and_flank(flat, corner, v['D'] / 2, length);
 }
 
@@ -154,33 +155,36 @@ Outline taper(const Values& v) {
   if (v.has('A')) {
     const double a = units::from_degree(v['A']);
     round = (half * std::cos(a) - length * std::sin(a)) / (1 - std::sin(a));
-    v.require(round > 0, "A and L leave no room for a round tip",
-              "A must be below " + text(units::to_degree(std::atan(half / length))) + " degrees");
+    v.require(
+        round > 0, "A and L leave no room for a round tip",
+        "A must be below " + short_text(units::to_degree(std::atan(half / length))) + " degrees");
   }
   v.require(round > 0, "T must be above 0", "for a pointed tip use cone");
   v.require(round < half,
-            "T (" + text(2 * round) + ") must be smaller than D (" + text(v['D']) + ")",
+            "T (" + short_text(2 * round) + ") must be smaller than D (" + short_text(v['D']) + ")",
             "for an even head use round-cylinder");
-  v.require(length > half, "L (" + text(length) + ") must be larger than D/2 (" + text(half) + ")");
+  v.require(length > half,
+            "L (" + short_text(length) + ") must be larger than D/2 (" + short_text(half) + ")");
   return tip_and_flank(0, round, half, length);
 }
 
 // Widest at the tip's corner, narrowing to the shank's end.
 Outline narrowing(const Values& v, double corner) {
   const double half = v['D'] / 2, length = v['L'];
-  v.require(corner <= half, "R (" + text(corner) + ") must not exceed D/2 (" + text(half) + ")");
+  v.require(corner <= half,
+            "R (" + short_text(corner) + ") must not exceed D/2 (" + short_text(half) + ")");
   v.require(length > corner,
-            "L (" + text(length) + ") must be larger than R (" + text(corner) + ")");
+            "L (" + short_text(length) + ") must be larger than R (" + short_text(corner) + ")");
   double end = v.get('N', 0) / 2;
   if (v.has('A')) {
     const double a = -units::from_degree(v['A']);
     end = half - corner + (corner + std::sin(a) * (length - corner)) / std::cos(a);
     v.require(end > 0, "A and L make the diameter at the shank's end negative");
   }
-  v.require(end < half, "the shank's end must be narrower than D (" + text(v['D']) + ")",
+  v.require(end < half, "the shank's end must be narrower than D (" + short_text(v['D']) + ")",
             "for a head that widens to the shank use cone or taper");
   v.require(std::hypot(end - (half - corner), length - corner) > corner,
-            "N (" + text(2 * end) + ") lies inside the rounded corner",
+            "N (" + short_text(2 * end) + ") lies inside the rounded corner",
             "choose a larger L or a smaller R");
   return tip_and_flank(half - corner, corner, end, length);
 }
@@ -190,24 +194,26 @@ Outline pear(const Values& v) { return narrowing(v, v.get('R', v['D'] / 2)); }
 
 Outline nose(const Values& v, double height) {
   const double radius = v['D'] / 2, blunt = v.get('T', 0) / 2;
-  v.require(blunt < radius,
-            "T (" + text(2 * blunt) + ") must be smaller than D (" + text(v['D']) + ")");
+  v.require(blunt < radius, "T (" + short_text(2 * blunt) + ") must be smaller than D (" +
+                                short_text(v['D']) + ")");
   v.require(height >= radius,
-            "B (" + text(height) + ") must be at least D/2 (" + text(radius) + ")",
+            "B (" + short_text(height) + ") must be at least D/2 (" + short_text(radius) + ")",
             "for a round end use round-cylinder");
   v.require(height < v['L'],
-            "B (" + text(height) + ") must be smaller than L (" + text(v['L']) + ")");
+            "B (" + short_text(height) + ") must be smaller than L (" + short_text(v['L']) + ")");
   return ogive(radius, height, blunt);
 }
 
 Outline flame(const Values& v) {
   const double radius = v['D'] / 2, length = v['L'], height = v.get('B', 0.6 * length);
   const double end = v.get('N', 0.8 * v['D']) / 2;
-  v.require(end < radius, "N (" + text(2 * end) + ") must be smaller than D (" + text(v['D']) + ")",
+  v.require(end < radius,
+            "N (" + short_text(2 * end) + ") must be smaller than D (" + short_text(v['D']) + ")",
             "for an even head use torpedo");
   Outline outline = nose(v, height);
   const double in = radius - end, up = length - height;
-  v.require(up >= in, "B (" + text(height) + ") leaves too little length to narrow from D to N");
+  v.require(up >= in,
+            "B (" + short_text(height) + ") leaves too little length to narrow from D to N");
   const double rho = (in * in + up * up) / (2 * in);
   outline.push_back(arc_piece(radius, height, end, length, radius - rho, height));
   close_head(outline);
@@ -278,8 +284,9 @@ Values parse(const std::string& spec, const Shape& shape, const std::string& par
       throw InputError(place, "'" + part + "'",
                        what + " must be a number, such as " + letter + "1.2");
     if (value < known.least || value > known.most)
-      throw InputError(place, "'" + part + "'",
-                       what + " must be within " + text(known.least) + " .. " + text(known.most));
+      throw InputError(
+          place, "'" + part + "'",
+          what + " must be within " + short_text(known.least) + " .. " + short_text(known.most));
     if (!values.emplace(letter, value).second)
       throw InputError(place, "'" + part + "'", what + " is given twice");
   }

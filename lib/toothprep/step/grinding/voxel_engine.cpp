@@ -11,10 +11,10 @@
 namespace toothprep {
 namespace {
 
-constexpr double kSubPoseVoxels = 0.55;    // a fast move is swept in steps of half a voxel
+constexpr double kSweepVoxels = 0.55;      // a fast move is swept in steps of half a voxel
 constexpr double kElementsPerVoxel = 4;    // along each direction, to share the surface out
 constexpr double kSmallestElement = 0.02;  // mm
-constexpr double kRounding = 1e-9;         // a centre exactly one voxel deep is boundary
+constexpr double kDepthRounding = 1e-9;    // a centre exactly one voxel deep is boundary
 
 using Cell = std::array<int, 3>;
 
@@ -41,7 +41,7 @@ Layers layers_of(const Bur& bur, double pitch) {
         const Cell cell = {i, j, k};
         const double d = distance_at(bur, centre_of(cell, pitch));
         if (d >= 0) continue;
-        if (d >= -pitch * (1 + kRounding))
+        if (d >= -pitch * (1 + kDepthRounding))
           layers.boundary.insert(layers.boundary.end(), cell);
         else
           layers.any_interior = true;
@@ -161,7 +161,7 @@ void VoxelEngine::remove_at(const Pose& pose) noexcept {
     high[a] = static_cast<int>(std::clamp(std::floor(std::max(tip[a], end[a]) + grow),
                                           double(first[a]) - 1, double(last[a])));
   }
-  const double deep = -workpiece_.voxel() * (1 + kRounding);
+  const double deep = -workpiece_.voxel() * (1 + kDepthRounding);
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
       for (int z = low.z(); z <= high.z(); ++z) {
@@ -180,7 +180,7 @@ void VoxelEngine::remove_at(const Pose& pose) noexcept {
 void VoxelEngine::sweep(const Pose& to) noexcept {
   const double length = way(last_, to);
   const auto count = static_cast<int>(
-      std::clamp(std::ceil(length / (kSubPoseVoxels * workpiece_.voxel())), 1.0, 1e6));
+      std::clamp(std::ceil(length / (kSweepVoxels * workpiece_.voxel())), 1.0, 1e6));
   for (int i = 1; i < count; ++i) {
     const double t = static_cast<double>(i) / count;
     remove_at({last_.position + t * (to.position - last_.position),

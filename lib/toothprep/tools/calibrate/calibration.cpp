@@ -100,7 +100,7 @@ void compare_with_recorded(const MeasuredRecording& r, const Parameters& p,
 
 // A stalled bur would have removed nothing where the model has it cut on.
 void warn_of_stalls(const std::vector<MeasuredRecording>& recordings, double stall_torque,
-                    Calibration& c) {
+                    CalibrationResult& c) {
   double torque = 0;
   const auto fitted = modelled_tissue(c.fit);
   for (const ForceBasis& basis : c.bases)
@@ -118,7 +118,7 @@ void warn_of_stalls(const std::vector<MeasuredRecording>& recordings, double sta
 void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
                  const std::vector<MeasuredRecording>& recordings,
                  const std::vector<RecordedMotion>& motions, const CalibrationSettings& settings,
-                 const CalibrationListener& listener, Calibration& c) {
+                 const CalibrationListener& listener, CalibrationResult& c) {
   c.bases = force_bases(bur, tooth, c.parameters, motions, listener.motion);
   for (std::size_t r = 0; r < recordings.size(); ++r) {
     check_unit_by_model(recordings[r], c.bases[r], settings.force);
@@ -141,7 +141,7 @@ void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
 void fit_handle(const Bur& bur, const LayeredTooth& tooth,
                 const std::vector<MeasuredRecording>& recordings,
                 const std::vector<RecordedMotion>& motions, const CalibrationSettings& settings,
-                const CalibrationListener& listener, Calibration& c) {
+                const CalibrationListener& listener, CalibrationResult& c) {
   for (const MeasuredRecording& r : recordings) compare_with_recorded(r, c.parameters, listener);
   int iteration = 0;
   c.coupled = fit_coupled(bur, tooth, c.parameters, recordings, motions, settings.fit, {},
@@ -242,12 +242,13 @@ void check_settings(const CalibrationSettings& settings) {
     throw InputError("--delay-ms", "", "lies beyond --largest-delay-ms");
 }
 
-Calibration calibrate(const Bur& bur, const LayeredTooth& tooth,
-                      const std::vector<MeasuredRecording>& recordings,
-                      const CalibrationSettings& settings, const CalibrationListener& listener) {
+CalibrationResult calibrate(const Bur& bur, const LayeredTooth& tooth,
+                            const std::vector<MeasuredRecording>& recordings,
+                            const CalibrationSettings& settings,
+                            const CalibrationListener& listener) {
   check_settings(settings);
   if (recordings.empty()) throw Error("a calibration needs a recording at least");
-  Calibration c;
+  CalibrationResult c;
   c.parameters = settings.parameters;
   const bool speed = settle_rotation_rate(recordings, settings, c.parameters, listener);
   const auto motions = motions_of(recordings, settings, speed, listener);

@@ -34,10 +34,10 @@ struct CalibrationListener {
 };
 
 // To be moved, not copied: the recordings refer to the bases.
-struct Calibration {
-  Calibration() = default;
-  Calibration(Calibration&&) = default;
-  Calibration& operator=(Calibration&&) = default;
+struct CalibrationResult {
+  CalibrationResult() = default;
+  CalibrationResult(CalibrationResult&&) = default;
+  CalibrationResult& operator=(CalibrationResult&&) = default;
 
   FitResult fit;
   std::vector<ComparedRecording> recordings;
@@ -58,10 +58,10 @@ std::vector<MeasuredRecording> read_recordings(const std::vector<std::string>& f
 void check_settings(const CalibrationSettings& settings);
 
 // Throws Error and InputError as fit(), fit_coupled() and resample() do.
-Calibration calibrate(const Bur& bur, const LayeredTooth& tooth,
-                      const std::vector<MeasuredRecording>& recordings,
-                      const CalibrationSettings& settings,
-                      const CalibrationListener& listener = {});
+CalibrationResult calibrate(const Bur& bur, const LayeredTooth& tooth,
+                            const std::vector<MeasuredRecording>& recordings,
+                            const CalibrationSettings& settings,
+                            const CalibrationListener& listener = {});
 
 // The result in lines of text: u and alpha per tissue with intervals, residuals, sensor, torque,
 // droop, and whether constants suffice.

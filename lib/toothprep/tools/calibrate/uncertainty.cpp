@@ -41,15 +41,16 @@ namespace {
 
 // The chunks of one recording over its free columns only, H and g side by side: what is added up
 // many times.
-struct Blocks {
+struct RecordingBlocks {
   std::size_t begin = 0, end = 0;
   std::vector<int> place;             // of each column among the free parameters
   std::vector<Eigen::MatrixXd> sums;  // columns x (columns + 1)
 };
 
-std::vector<Blocks> blocks_by_recording(const std::vector<NormalSums>& sums,
-                                        const std::vector<Chunk>& chunks, const FreeSet& free) {
-  std::vector<Blocks> recordings;
+std::vector<RecordingBlocks> blocks_by_recording(const std::vector<NormalSums>& sums,
+                                                 const std::vector<Chunk>& chunks,
+                                                 const FreeSet& free) {
+  std::vector<RecordingBlocks> recordings;
   std::vector<int> columns;
   for (std::size_t i = 0; i < chunks.size(); ++i) {
     if (i == 0 || chunks[i].recording != chunks[i - 1].recording) {
@@ -61,7 +62,7 @@ std::vector<Blocks> blocks_by_recording(const std::vector<NormalSums>& sums,
           recordings.back().place.push_back(p);
         }
     }
-    Blocks& r = recordings.back();
+    RecordingBlocks& r = recordings.back();
     r.end = i + 1;
     const auto n = static_cast<Eigen::Index>(columns.size());
     Eigen::MatrixXd block(n, n + 1);
@@ -81,13 +82,13 @@ std::vector<Blocks> blocks_by_recording(const std::vector<NormalSums>& sums,
 Eigen::MatrixXd block_bootstrap(const std::vector<NormalSums>& sums,
                                 const std::vector<Chunk>& chunks, const FreeSet& free,
                                 int replicates, std::uint64_t seed) {
-  const std::vector<Blocks> recordings = blocks_by_recording(sums, chunks, free);
+  const std::vector<RecordingBlocks> recordings = blocks_by_recording(sums, chunks, free);
   Eigen::MatrixXd steps(free.size, replicates);
   tbb::parallel_for(0, replicates, [&](int replicate) {
     std::seed_seq seeds{seed, static_cast<std::uint64_t>(replicate)};
     std::mt19937_64 random(seeds);
     FreeSums total(free.size);
-    for (const Blocks& r : recordings) {
+    for (const RecordingBlocks& r : recordings) {
       std::vector<int> times(r.sums.size(), 0);
       for (std::size_t n = 0; n < times.size(); ++n) ++times[random() % times.size()];
       const auto n = static_cast<Eigen::Index>(r.place.size());

@@ -43,7 +43,7 @@ SessionColumn quaternion(const char* dataset, bool mirror = false) {
           [](Recording& r, const double* v) { (r.*Column).emplace_back(v[3], v[0], v[1], v[2]); }};
 }
 
-std::vector<SessionColumn> make_columns() {
+std::vector<SessionColumn> make_session_columns() {
   using T = LiveTick;
   using R = Recording;
   return {
@@ -69,7 +69,7 @@ std::vector<SessionColumn> make_columns() {
 }  // namespace
 
 const std::vector<SessionColumn>& session_columns() {
-  static const std::vector<SessionColumn> columns = make_columns();
+  static const std::vector<SessionColumn> columns = make_session_columns();
   return columns;
 }
 

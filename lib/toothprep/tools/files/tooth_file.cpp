@@ -28,8 +28,8 @@ namespace {
 using openvdb::FloatGrid;
 using openvdb::Int32Grid;
 
-constexpr const char* kSchema = "toothprep-tooth";
-constexpr int kSchemaVersion = 1;
+constexpr const char* kToothSchema = "toothprep-tooth";
+constexpr int kToothSchemaVersion = 1;
 constexpr const char* kSchemaKey = "toothprep_schema";
 constexpr const char* kVersionKey = "toothprep_schema_version";
 constexpr const char* kVoxelKey = "voxel_mm";
@@ -130,8 +130,8 @@ template <class Grid>
 void describe(Grid& grid, const char* name, const LayeredTooth& tooth) {
   grid.setName(name);
   grid.setTransform(transform_of(tooth.lattice));
-  grid.insertMeta(kSchemaKey, openvdb::StringMetadata(kSchema));
-  grid.insertMeta(kVersionKey, openvdb::Int32Metadata(kSchemaVersion));
+  grid.insertMeta(kSchemaKey, openvdb::StringMetadata(kToothSchema));
+  grid.insertMeta(kVersionKey, openvdb::Int32Metadata(kToothSchemaVersion));
   grid.insertMeta(kVoxelKey, openvdb::DoubleMetadata(tooth.lattice.voxel));
 }
 
@@ -143,8 +143,8 @@ openvdb::MetaMap file_metadata(const LayeredTooth& tooth) {
     meta.removeMeta(key);  // a provenance key of the same name but another type would throw
     meta.insertMeta(key, value);
   };
-  put(kSchemaKey, openvdb::StringMetadata(kSchema));
-  put(kVersionKey, openvdb::Int32Metadata(kSchemaVersion));
+  put(kSchemaKey, openvdb::StringMetadata(kToothSchema));
+  put(kVersionKey, openvdb::Int32Metadata(kToothSchemaVersion));
   put(kVoxelKey, openvdb::DoubleMetadata(tooth.lattice.voxel));
   put(kHashKey, openvdb::StringMetadata(tooth_sha256(tooth)));
   const PerTissue<double> volumes = remaining_volumes_mm3(tooth);
@@ -271,14 +271,14 @@ void check_schema(const std::string& path, const Archive& archive) {
   for (const openvdb::MetaMap* meta : places) {
     const auto schema = find_text(*meta, kSchemaKey);
     if (!schema) continue;
-    if (*schema != kSchema)
-      throw InputError(path, kSchemaKey, "is '" + *schema + "' instead of '" + kSchema + "'",
+    if (*schema != kToothSchema)
+      throw InputError(path, kSchemaKey, "is '" + *schema + "' instead of '" + kToothSchema + "'",
                        "give a tooth file");
     const auto version = find_text(*meta, kVersionKey);
-    if (version != std::to_string(kSchemaVersion))
+    if (version != std::to_string(kToothSchemaVersion))
       throw InputError(path, kVersionKey,
                        "is " + version.value_or("absent") + "; this program reads version " +
-                           std::to_string(kSchemaVersion));
+                           std::to_string(kToothSchemaVersion));
     return;
   }
   throw InputError(path, kSchemaKey, "is absent, so this is not a tooth file",

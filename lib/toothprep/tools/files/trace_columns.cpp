@@ -160,7 +160,7 @@ std::vector<TraceColumn> force_columns() {
            set_number<&S::stalled_fraction>}};
 }
 
-std::vector<TraceColumn> tissue_columns() {
+std::vector<TraceColumn> columns_per_tissue() {
   return {{"/contact/area", "mm^2", kTissueCount, kReal, true, true, tissues("contact", "_mm2"),
            get_tissues<&S::contact_area>, set_tissues<&S::contact_area>},
           {"/contact/shank_area",
@@ -178,7 +178,7 @@ std::vector<TraceColumn> tissue_columns() {
 
 std::vector<TraceColumn> make_columns() {
   std::vector<TraceColumn> all;
-  for (const auto& columns : {motion_columns(), force_columns(), tissue_columns()})
+  for (const auto& columns : {motion_columns(), force_columns(), columns_per_tissue()})
     all.insert(all.end(), columns.begin(), columns.end());
   return all;
 }

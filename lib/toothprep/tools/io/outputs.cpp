@@ -238,13 +238,14 @@ void Outputs::put_in_place(Output& output) const {
   const bool folder = output.kind == Kind::kFolder;
   struct stat now {};
   if (lstat(output.place.c_str(), &now) == 0) check_kind(output.shown, now, folder, true);
-  if (const int again = exchange(part, output.place)) throw failed(again);
+  if (const int again = toothprep::exchange(part, output.place)) throw failed(again);
   output.state = Output::State::kExchanged;
   if (folder) check_replaceable(output.shown, part);  // what came into it while the command ran
 }
 
 void Outputs::take_back(Output& output) const {
-  if (output.state == Output::State::kExchanged) exchange(output.part->path(), output.place);
+  if (output.state == Output::State::kExchanged)
+    toothprep::exchange(output.part->path(), output.place);
   if (output.state == Output::State::kNew) rename_to_new(output.place, output.part->path());
   output.state = Output::State::kPart;
 }

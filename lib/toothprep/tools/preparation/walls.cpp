@@ -11,7 +11,9 @@ namespace {
 constexpr double kLongestWall = 15;  // mm
 
 // Horizontal unit vector of a wall's normal.
-Vec3 across(const Vec3& normal, const Vec3& d) { return (normal - normal.dot(d) * d).normalized(); }
+Vec3 direction_across(const Vec3& normal, const Vec3& d) {
+  return (normal - normal.dot(d) * d).normalized();
+}
 
 double nearest_finish_height(const CutFacets& facets, const PreparationFrame& frame,
                              const Vec3& at) {
@@ -96,7 +98,7 @@ std::vector<WallFacet> find_walls(const CutFacets& facets, const std::vector<Flo
     if (!above) continue;
     w.rim = above->distance - off_the_wall;
     if (!(w.foot > 0 && w.rim > 0 && w.foot + w.rim > 3 * voxel)) continue;
-    const Vec3 facing = across(f.normal, frame.d);
+    const Vec3 facing = direction_across(f.normal, frame.d);
     const Vec3 stands = type == PreparationType::kCrown ? facing : Vec3(-facing);
     const double u = stands.dot(frame.u), v = stands.dot(frame.v);
     w.side = std::abs(u) >= std::abs(v) ? (u > 0 ? Side::kMesial : Side::kDistal)

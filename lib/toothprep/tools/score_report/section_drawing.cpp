@@ -11,7 +11,7 @@ namespace toothprep {
 namespace {
 
 constexpr double kWidest = 410, kHighest = 400;  // px of the drawing
-constexpr double kRim = 14;                      // px around the outlines
+constexpr double kSectionRim = 14;               // px around the outlines
 constexpr double kFont = 13;                     // px
 
 struct Box {
@@ -39,10 +39,11 @@ struct View {
   Box mm;
   double scale = 1;  // px per mm
   Vec2 operator()(const Vec2& p) const {
-    return {kRim + (p.x() - mm.low.x()) * scale, kRim + (mm.high.y() - p.y()) * scale};
+    return {kSectionRim + (p.x() - mm.low.x()) * scale,
+            kSectionRim + (mm.high.y() - p.y()) * scale};
   }
-  double width() const { return mm.size().x() * scale + 2 * kRim; }
-  double height() const { return mm.size().y() * scale + 2 * kRim; }
+  double width() const { return mm.size().x() * scale + 2 * kSectionRim; }
+  double height() const { return mm.size().y() * scale + 2 * kSectionRim; }
 };
 
 // What the marks are about, with some tooth around: of a whole tooth the roots are left out. With
@@ -200,7 +201,7 @@ std::string grid(const View& view) {
 std::string scale_bar(const View& view, double y) {
   const double mm = tick_step(140 / view.scale, 2);
   const double length = mm * view.scale;
-  const double end = view.width() - kRim, begin = end - length;
+  const double end = view.width() - kSectionRim, begin = end - length;
   return line({begin, y}, {end, y}, "ruler") + line({begin, y - 4}, {begin, y + 4}, "ruler") +
          line({end, y - 4}, {end, y + 4}, "ruler") +
          "<text class=\"small\" text-anchor=\"end\" x=\"" + short_number(begin - 6, 1) + "\" y=\"" +

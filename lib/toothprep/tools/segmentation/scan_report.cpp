@@ -15,7 +15,7 @@
 namespace toothprep {
 namespace {
 
-constexpr int kBins = 256;
+constexpr int kHistogramBins = 256;
 constexpr double kAround = 2.0;  // mm
 
 struct VoxelBox {
@@ -63,14 +63,16 @@ void write_histogram(const std::string& path, const ImageVolume<float>& scan,
       }
   if (greys.empty()) greys.push_back(0);
   const auto [low, high] = std::minmax_element(greys.begin(), greys.end());
-  const double first = *low, width = std::max((*high - *low) / static_cast<double>(kBins), 1e-12);
-  std::array<double, kBins> counts{};
+  const double first = *low,
+               width = std::max((*high - *low) / static_cast<double>(kHistogramBins), 1e-12);
+  std::array<double, kHistogramBins> counts{};
   for (const float g : greys)
-    counts[static_cast<std::size_t>(std::clamp((g - first) / width, 0.0, kBins - 1.0))] += 1;
+    counts[static_cast<std::size_t>(std::clamp((g - first) / width, 0.0, kHistogramBins - 1.0))] +=
+        1;
   CsvWriter out(path);
   for (const char* name : {"grey", "count"}) out.text(name);
   out.end_row();
-  for (std::size_t b = 0; b < kBins; ++b) {
+  for (std::size_t b = 0; b < kHistogramBins; ++b) {
     out.number(first + (static_cast<double>(b) + 0.5) * width);
     out.number(counts[b]);
     out.end_row();
