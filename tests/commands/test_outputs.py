@@ -327,9 +327,12 @@ class Outputs(unittest.TestCase):
 
     # ---- Signals
 
-    def wait_for_parts(self):
+    def parts(self):
+        return [n for n in os.listdir(self.folder) if n.startswith(".toothprep-part-")]
+
+    def wait_for_parts(self, count=1):
         for _ in range(3000):
-            if any(n.startswith(".toothprep-part-") for n in os.listdir(self.folder)):
+            if len(self.parts()) >= count:
                 return
             time.sleep(0.005)
         self.fail("no part appeared")
@@ -351,10 +354,10 @@ class Outputs(unittest.TestCase):
                 self.bring(["slow.toml"])
                 line = ["slow.toml" if word == "path.toml" else word for word in command.line()]
                 child = subprocess.Popen([BINARY, *line], cwd=self.folder, stderr=subprocess.DEVNULL)
-                self.wait_for_parts()
+                self.wait_for_parts(2)
                 child.kill()
                 child.wait()
-                self.assertEqual(len([n for n in os.listdir(self.folder) if n.startswith(".toothprep-part-")]), 2)
+                self.assertEqual(len(self.parts()), 2)
                 self.make(command)
                 self.assertEqual([n for n in os.listdir(self.folder) if n.startswith(".")], [])
 

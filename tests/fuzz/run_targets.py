@@ -54,7 +54,8 @@ def run(target):
         with open(path, "rb") as packed, open(os.path.join(seeds, os.path.basename(path)), "wb") as plain:
             data = packed.read()
             plain.write(gzip.decompress(data) if data.startswith(b"\x1f\x8b") else data)
-    before = set(os.listdir(found))
+    its = lambda: {f for f in os.listdir(found) if f.startswith(target + "-")}
+    before = its()
     memory = os.path.join("/dev/shm", f"toothprep-fuzz-{os.getpid()}-{target}")
     os.makedirs(memory)
     # In the child processes handlers are taken off; here the fuzzer's own are in charge. Libraries leak what they had
@@ -71,7 +72,7 @@ def run(target):
         log.seek(0)
         text = log.read()
     shutil.rmtree(memory, ignore_errors=True)
-    new = sorted(set(os.listdir(found)) - before)
+    new = sorted(its() - before)
     findings = [f for f in new if "-report" in f and ours(os.path.join(found, f))]
     if status != 0:  # this process itself was stopped
         findings += [f for f in new if "-report" not in f]

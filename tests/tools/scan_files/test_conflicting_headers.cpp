@@ -96,8 +96,8 @@ TEST_F(ConflictingHeaders, ASpacingThatIsNoneIsRefusedAndNamedWhateverTheAxis) {
 TEST_F(ConflictingHeaders, ALineWithAControlCharacterOrWithoutAKeyIsRefused) {
   const std::string raw = raw_of(some_image());
   const std::string sound = meta("0.3 0.3 0.3");
-  for (const std::string& line :
-       {std::string("TransformMa\0\0 = 1 0 0", 20), std::string("no key")}) {
+  for (const std::string& line : {std::string("TransformMa\0\0 = 1 0 0", 20), std::string("no key"),
+                                  std::string("CenterOfRotation = 0 0 0\0", 25)}) {
     const std::size_t first = sound.find('\n') + 1;
     EXPECT_THAT(refusal(write("a.mha", std::string(sound).insert(first, line + "\n") + raw)),
                 HasSubstr("line 2: is no line of such a header"));

@@ -142,13 +142,13 @@ TextHeader text_header(const std::string& path, Format format) {
   std::size_t at = 0;
   for (int n = 1; n <= kMostLines && at < text.size() && !header.ended; ++n) {
     const std::size_t line_end = std::min(text.find('\n', at), text.size());
-    const std::string line = trimmed(text.substr(at, line_end - at));
+    const std::string whole = text.substr(at, line_end - at), line = trimmed(whole);
     at = std::min(line_end + 1, text.size());
     const auto colon = line.find(format == Format::kNrrd ? ':' : '=');
     if (format == Format::kNrrd && line.empty()) header.ended = true;
     // ITK ends at a zero byte, or takes the next line for the value of this one.
-    const bool text_line = std::none_of(line.begin(), line.end(), [](char c) {
-      return static_cast<unsigned char>(c) < ' ' && c != '\t';
+    const bool text_line = std::none_of(whole.begin(), whole.end(), [](char c) {
+      return static_cast<unsigned char>(c) < ' ' && c != '\t' && c != '\r';
     });
     if (!text_line || (format == Format::kMeta && !line.empty() && line[0] != '#' &&
                        line.find_first_of("=:") == std::string::npos))
