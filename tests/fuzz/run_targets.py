@@ -64,7 +64,7 @@ def run(target):
                      f"log_path={os.path.join(found, target + '-report')}"))
     command = [os.path.join(BUILD, "fuzz", "fuzz_" + target), learned, seeds,
                f"-max_total_time={SECONDS}", f"-rss_limit_mb={MEMORY_MB}", "-malloc_limit_mb=1500",
-               f"-timeout={TIMEOUT}", "-print_final_stats=1", f"-artifact_prefix={found}/{target}-"]
+               f"-timeout={TIMEOUT}", f"-seed={os.environ.get('FUZZ_SEED', 0)}", "-print_final_stats=1", f"-artifact_prefix={found}/{target}-"]
     with open(os.path.join(BUILD, f"fuzz-{target}.log"), "w+", errors="replace") as log:
         status = subprocess.run(command, stdout=log, stderr=subprocess.STDOUT, check=False,
                                 env={**os.environ, "ASAN_OPTIONS": asan, "TOOTHPREP_FUZZ_FOLDER": memory,
