@@ -58,7 +58,7 @@ TEST_P(Corpus, IsTakenOrRefusedByAnErrorAndNothingElse) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Readers, Corpus, testing::ValuesIn(targets()),
-                         [](const auto& info) { return info.param.name; });
+                         [](const auto& reader) { return reader.param.name; });
 
 TEST(CorpusFolder, BelongsToAReader) {
   for (const auto& entry : fs::directory_iterator(kCorpus)) {
