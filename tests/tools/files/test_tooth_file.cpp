@@ -240,11 +240,14 @@ TEST_F(ToothFile, AResavedToothThatIsNoLongerTheSameIsReported) {
 
 TEST_F(ToothFile, AToothWhereNoToothLiesIsReported) {
   write_tooth(small_block(), path("a.vdb"));
-  resave(path("a.vdb"), path("b.vdb"), [](Grids& g) {
-    for (auto& [name, grid] : g) grid->transform().postTranslate(openvdb::Vec3d(1e7, 0, 0));
-  });
-  EXPECT_THAT(read_tooth_with_warnings(path("b.vdb")).warnings,
-              Contains(HasSubstr(" mm from the origin, where no scan has it")));
+  for (const double away : {1e7, -1e29}) {
+    resave(path("a.vdb"), path("b.vdb"), [&](Grids& g) {
+      for (auto& [name, grid] : g) grid->transform().postTranslate(openvdb::Vec3d(away, 0, 0));
+    });
+    EXPECT_THAT(read_tooth_with_warnings(path("b.vdb")).warnings,
+                Contains(HasSubstr(" mm from the origin, where no scan has it")))
+        << away;
+  }
 }
 
 TEST_F(ToothFile, DamageInFilesOfOtherProgramsIsRefusedOrHarmless) {
