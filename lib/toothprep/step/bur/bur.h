@@ -24,48 +24,48 @@ namespace toothprep {
 //   half_along  mm        half the extent along the profile; half_around: half the extent r·dphi
 //   curvature_along, curvature_around   1/mm, principal curvatures, positive where convex
 struct SurfaceElements {
-  std::vector<float> x, y, z, nx, ny, nz, tx, ty;  // tz = 0
-  std::vector<float> weight, area, radius, half_along, half_around;
+  std::vector<float> x, y, z, nx, ny, nz, tx, ty;                    // as above; tz = 0
+  std::vector<float> weight, area, radius, half_along, half_around;  // as above
   // Along-profile unit tangent, tip to shank: n x phi^; kept for the coverage of partly engaged
   // elements.
   std::vector<float> lx, ly, lz;
-  std::vector<float> curvature_along, curvature_around;
-  std::size_t size() const { return x.size(); }
+  std::vector<float> curvature_along, curvature_around;  // as above
+  std::size_t size() const { return x.size(); }          // number of elements
 };
 
 // The outline laid out for the distance kernels (bur_distance.cpp), in double and in float.
 template <class T>
 struct DistanceOutline {
   struct Line {  // oriented upwards: `left of it` is where the crossing test counts
-    T mid_r, mid_z, u_r, u_z, half_length, z_low, z_high;
+    T mid_r, mid_z, u_r, u_z, half_length, z_low, z_high;  // middle, direction, extent; mm
   };
   struct Arc {  // within the right or the left half of its circle, hence monotone in z
     T mid_r, mid_z, out_r, out_z, curvature;   // middle, unit direction from the centre, 1 / radius
     T from_r, from_z, from_out_r, from_out_z;  // ends, counter-clockwise, and their unit directions
-    T to_r, to_z, to_out_r, to_out_z;
-    T centre_r, centre_z, z_low, z_high;
+    T to_r, to_z, to_out_r, to_out_z;          // as `from_...`, of the other end
+    T centre_r, centre_z, z_low, z_high;       // mm
   };
-  struct Point {
-    T r, z;
+  struct Point {  // a joint of the outline
+    T r, z;       // mm
   };
-  std::vector<Line> lines;
-  std::vector<Arc> right_arcs, left_arcs;
-  std::vector<Point> points;  // joints that no line ends in
+  std::vector<Line> lines;                 // all straight pieces
+  std::vector<Arc> right_arcs, left_arcs;  // by the half of the circle that they lie in
+  std::vector<Point> points;               // joints that no line ends in
 };
 
-class Bur {
+class Bur {  // immutable; lengths in mm, frame B; may be read from several threads
  public:
   // Pieces joined end to end from (0, 0) to (0, z_top), closing the head. Throws Error naming the
   // violated condition (gap, r < 0, not closed, self-crossing, not finite, radius above 10 mm ...).
   // shank_radius 0: no shank; else shank_top must lie above the head.
   Bur(std::string name, std::vector<ProfilePiece> head, double shank_radius, double shank_top);
 
-  const std::string& name() const { return name_; }
-  const std::vector<ProfilePiece>& profile() const { return head_; }
-  double head_length() const { return head_length_; }    // largest z of the head, mm
-  double max_radius() const { return max_radius_; }      // largest r of the head, mm
-  double shank_radius() const { return shank_radius_; }  // 0: no shank
-  double shank_top() const { return shank_top_; }        // z where the shank ends, mm
+  const std::string& name() const { return name_; }  // as given: what traces call it
+  const std::vector<ProfilePiece>& profile() const { return head_; }  // checked outline, tip first
+  double head_length() const { return head_length_; }                 // largest z of the head, mm
+  double max_radius() const { return max_radius_; }                   // largest r of the head, mm
+  double shank_radius() const { return shank_radius_; }               // 0: no shank
+  double shank_top() const { return shank_top_; }                     // z where the shank ends, mm
 
   // Exact signed distance to the head's surface (closing disc included), mm, negative inside. r >=
   // 0.

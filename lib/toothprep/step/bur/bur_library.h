@@ -20,7 +20,7 @@ Bur make_bur(const std::string& spec, const std::string& library_folder);
 // Reads a profile file. Throws InputError naming file, key and condition.
 Bur read_bur_file(const std::string& path);
 
-struct LibraryEntry {
+struct LibraryEntry {       // one [[bur]] of library.toml
   std::string name;         // e.g. "837-012"
   std::string also;         // another name it goes by, e.g. "round-1/4"; may be empty
   std::string shape;        // its shorthand

@@ -40,8 +40,8 @@ constexpr double kLargestNeckDiameter = 1.6;  // mm
 // Throws InputError naming `spec`, the parameter and the condition.
 Bur bur_from_shorthand(const std::string& spec);
 
-bool is_shape(const std::string& name);
-std::vector<std::string> shape_names();
+bool is_shape(const std::string& name);               // "ball", "cylinder", ...
+std::vector<std::string> shape_names();               // all of them
 std::string shape_notation(const std::string& name);  // e.g. "cylinder:D..xL..[xR..]"
 
 // The neck of a head without a stated one.

@@ -11,11 +11,11 @@ namespace toothprep {
 // circular arc about `centre`: convex arcs run counter-clockwise in (r, z), concave ones clockwise,
 // so the two ends and the centre say which of the circle's two arcs is meant.
 struct ProfilePiece {
-  enum class Kind { kLine, kArc } kind = Kind::kLine;
-  double r0 = 0, z0 = 0, r1 = 0, z1 = 0;  // end points
-  double centre_r = 0, centre_z = 0;      // arcs only
-  bool convex = true;                     // arcs only: the solid lies on the centre's side
-  bool grinds = true;                     // false for the disc that closes the head at the shank
+  enum class Kind { kLine, kArc } kind = Kind::kLine;  // straight, or about `centre`
+  double r0 = 0, z0 = 0, r1 = 0, z1 = 0;               // end points
+  double centre_r = 0, centre_z = 0;                   // arcs only
+  bool convex = true;  // arcs only: the solid lies on the centre's side
+  bool grinds = true;  // false for the disc that closes the head at the shank
 };
 
 // Shorthands for building profiles.
@@ -26,21 +26,21 @@ ProfilePiece arc_piece(double r0, double z0, double r1, double z1, double centre
 // An arc's radius in mm, the angle of its start about the centre, and the signed angle it sweeps,
 // rad: in (0, 2 pi) if convex, in (-2 pi, 0) if concave.
 struct ArcSpan {
-  double radius, start, sweep;
+  double radius, start, sweep;  // mm, rad, rad
 };
-ArcSpan arc_span(const ProfilePiece& arc);
+ArcSpan arc_span(const ProfilePiece& arc);  // of a piece of kind kArc
 
-struct ProfilePoint {
+struct ProfilePoint {       // a place on the outline
   double r, z;              // mm
   double along_r, along_z;  // unit direction of travel; the outward normal is (along_z, -along_r)
 };
 // The point at `fraction` (0 to 1) of the piece's length.
 ProfilePoint point_on(const ProfilePiece& piece, double fraction);
 
-struct ProfileBounds {
-  double r_min, r_max, z_min, z_max;
+struct ProfileBounds {                // the rectangle around a piece
+  double r_min, r_max, z_min, z_max;  // mm
 };
-ProfileBounds bounds_of(const ProfilePiece& piece);
+ProfileBounds bounds_of(const ProfilePiece& piece);  // exact, arcs too
 
 double length_of(const ProfilePiece& piece);  // mm
 // Area of the surface that the part between two fractions of the length sweeps about the axis,

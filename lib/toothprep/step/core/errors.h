@@ -19,11 +19,11 @@ class Error : public std::runtime_error {
 class InputError : public Error {
  public:
   InputError(const std::string& file, const std::string& place, const std::string& condition,
-             const std::string& remedy = {})
+             const std::string& remedy = {})  // `file` may be an option's name
       : Error(file + (place.empty() ? "" : ": " + place) + ": " + condition +
               (remedy.empty() ? "" : "; " + remedy)),
         parts_(std::make_shared<const Parts>(Parts{file, place, condition, remedy})) {}
-
+  // The parts by themselves.
   [[nodiscard]] const std::string& file() const noexcept { return parts_->file; }
   [[nodiscard]] const std::string& place() const noexcept { return parts_->place; }
   [[nodiscard]] const std::string& condition() const noexcept { return parts_->condition; }

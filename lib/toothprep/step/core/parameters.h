@@ -10,30 +10,30 @@
 
 namespace toothprep {
 
-struct GrindingProperties {
+struct GrindingProperties {    // of a tissue: Eqs 6 to 9
   double specific_energy = 0;  // u, N/mm², >= 0
   double force_ratio = 0.25;   // alpha = F_t / F_n, > 0
 };
 
-enum class HandpieceModel {
-  kFixed,  // constant rotation rate, Boolean stall (Eq. 11)
-  kDroop   // N = N0 (1 - T / stall_torque)
+enum class HandpieceModel {  // what the rotation rate does under load
+  kFixed,                    // constant rotation rate, Boolean stall (Eq. 11)
+  kDroop                     // N = N0 (1 - T / stall_torque)
 };
 
-enum class StallRule {
+enum class StallRule {  // which torque decides a stall
   kTrial,    // Eq. 11 on the torque of this step's trial velocity, before moving (default)
   kLastStep  // section 5.2 read literally: on the torque that the last step ended with
 };
 
-struct Handpiece {
-  double rotation_rate = 100;  // N (N0 for droop), rev/s, > 0
-  double stall_torque = 1.2;   // tau_s, N·mm, > 0; infinity = never stalls
-  bool clockwise = true;       // seen from the shank: omega along -z of B
-  HandpieceModel model = HandpieceModel::kFixed;
-  StallRule stall_rule = StallRule::kTrial;  // kLastStep only with kFixed
+struct Handpiece {                                // what turns the bur: Eqs 10 and 11
+  double rotation_rate = 100;                     // N (N0 for droop), rev/s, > 0
+  double stall_torque = 1.2;                      // tau_s, N·mm, > 0; infinity = never stalls
+  bool clockwise = true;                          // seen from the shank: omega along -z of B
+  HandpieceModel model = HandpieceModel::kFixed;  // kFixed or kDroop
+  StallRule stall_rule = StallRule::kTrial;       // kLastStep only with kFixed
 };
 
-struct Coupling {
+struct Coupling {          // between handle and bur: Eqs 12 to 18
   double stiffness = 1.0;  // k_VC, N/mm, > 0
   double damping = 0.0;    // b, N·s/mm, >= 0
   double bur_mass = 8e-6;  // m, N·s²/mm, > 0
@@ -42,18 +42,18 @@ struct Coupling {
   bool attached_without_contact = false;
 };
 
-enum class EngineKind { kLevelset, kVoxel };
-enum class Drive { kCoupled, kDirect };
+enum class EngineKind { kLevelset, kVoxel };  // step/grinding/engine.h
+enum class Drive { kCoupled, kDirect };  // the bur hangs on a spring, or follows the handle exactly
 const char* name_of(EngineKind engine);  // "levelset", "voxel"
 const char* name_of(Drive drive);        // "coupled", "direct"
 
-struct Parameters {
-  std::string preset = "paper";
-  PerTissue<GrindingProperties> tissue{};
-  Handpiece handpiece;
-  Coupling coupling;
-  double time_step = 1e-3;  // h, s, > 0
-  EngineKind engine = EngineKind::kLevelset;
+struct Parameters {              // the whole model, constant during a session
+  std::string preset = "paper";  // what the rest started from; a name, read for reports only
+  PerTissue<GrindingProperties> tissue{};     // u is 0 here: start from a preset
+  Handpiece handpiece;                        // rotation and stall
+  Coupling coupling;                          // of the coupled drive
+  double time_step = 1e-3;                    // h, s, > 0
+  EngineKind engine = EngineKind::kLevelset;  // levelset, or the paper's voxels
   // Levelset engine: largest size of the pieces into which the border of the contact is divided,
   // mm, >= 0.005. 0: as the bur's size asks for (step/grinding/engine.h).
   double element_size = 0;

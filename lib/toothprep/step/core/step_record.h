@@ -12,15 +12,15 @@ constexpr std::uint32_t kPedalButton = 1u;  // bit 0: motor on
 
 // A sample of the commanded motion: the handle's pose (of the bur's tip, W frame) at a time.
 struct HandleSample {
-  double time = 0;  // s
-  Pose pose;
-  std::uint32_t buttons = kPedalButton;
+  double time = 0;                       // s
+  Pose pose;                             // of the handle, W
+  std::uint32_t buttons = kPedalButton;  // bits
 };
 
 // The state after the step that ends at handle.time. Forces in N on the bur, W frame.
 struct StepRecord {
-  HandleSample handle;
-  Pose bur;
+  HandleSample handle;                 // what was commanded
+  Pose bur;                            // of the virtual bur, W
   Vec3 bur_velocity = Vec3::Zero();    // mm/s
   Vec3 grinding_force = Vec3::Zero();  // N, Eq. 8
   Vec3 device_force = Vec3::Zero();    // N, what the operator feels

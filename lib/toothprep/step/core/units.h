@@ -12,14 +12,14 @@
 
 namespace toothprep::units {
 
-constexpr double kPi = std::numbers::pi;
+constexpr double kPi = std::numbers::pi;  // half a turn, rad
 
-constexpr double from_gram(double g) { return g * 1e-6; }          // N·s²/mm
-constexpr double to_gram(double mass) { return mass * 1e6; }       //
-constexpr double from_joule_per_mm3(double u) { return u * 1e3; }  // N/mm²
-constexpr double to_joule_per_mm3(double u) { return u * 1e-3; }   //
-constexpr double to_watt(double power) { return power * 1e-3; }    // from N·mm/s
-constexpr double from_degree(double degrees) { return degrees * kPi / 180.0; }
-constexpr double to_degree(double radians) { return radians * 180.0 / kPi; }
+constexpr double from_gram(double g) { return g * 1e-6; }                       // N·s²/mm
+constexpr double to_gram(double mass) { return mass * 1e6; }                    // from N·s²/mm
+constexpr double from_joule_per_mm3(double u) { return u * 1e3; }               // N/mm²
+constexpr double to_joule_per_mm3(double u) { return u * 1e-3; }                // from N/mm²
+constexpr double to_watt(double power) { return power * 1e-3; }                 // from N·mm/s
+constexpr double from_degree(double degrees) { return degrees * kPi / 180.0; }  // rad
+constexpr double to_degree(double radians) { return radians * 180.0 / kPi; }    // from rad
 
 }  // namespace toothprep::units

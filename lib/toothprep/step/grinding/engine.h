@@ -13,7 +13,7 @@
 
 namespace toothprep {
 
-class GrindingEngine {
+class GrindingEngine {  // of one bur and one workpiece; states in words what the step needs
  public:
   virtual ~GrindingEngine() = default;
 

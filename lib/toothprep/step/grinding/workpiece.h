@@ -15,21 +15,21 @@
 
 namespace toothprep {
 
-class Workpiece {
+class Workpiece {  // one tooth under one session's bur; not for two threads at a time
  public:
   // Keeps a reference to `tooth`, which must outlive it. Every brick that carving can touch gets
   // its place in the pool here.
   explicit Workpiece(const LayeredTooth& tooth);
 
-  const LayeredTooth& tooth() const { return tooth_; }
-  const Lattice& lattice() const { return tooth_.lattice; }
-  double voxel() const { return tooth_.lattice.voxel; }
-  float band() const { return band_; }
+  const LayeredTooth& tooth() const { return tooth_; }       // as given: never carved
+  const Lattice& lattice() const { return tooth_.lattice; }  // the tooth's and the cut's
+  double voxel() const { return tooth_.lattice.voxel; }      // D, mm
+  float band() const { return band_; }                       // half width of the cut's band, mm
   // Number of the cut's constant for a brick of which nothing is left (BrickGrid::put_constant).
   static constexpr std::uint32_t kAllCut = 0;
   // Bricks that can be carved apart before they are put in place, beyond those that tissue takes.
   std::size_t spare_bricks() const { return spare_bricks_; }
-  const LevelSet& cut() const { return cut_; }
+  const LevelSet& cut() const { return cut_; }  // mm, negative where nothing was cut
   // Whoever writes into the cut marks the brick in changed().
   LevelSet& cut() { return cut_; }
   // Bricks of the cut that changed since they were last taken, for a display.
@@ -67,8 +67,8 @@ class Workpiece {
 
 // The trilinear interpolant of a level set at an index position, and its gradient per voxel.
 struct FieldSample {
-  float value;
-  float gx, gy, gz;
+  float value;       // mm
+  float gx, gy, gz;  // mm per voxel
 };
 
 // The eight corners of the cell whose lower corner is voxel (i, j, k), z fastest; the background

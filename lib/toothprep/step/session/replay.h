@@ -8,13 +8,13 @@
 
 namespace toothprep {
 
-struct ReplayResult {
+struct ReplayResult {            // what `toothprep replay` writes and prints
   std::vector<StepRecord> rows;  // one per sample; row 0 is the initial state
-  SessionTotals totals;
-  double removed_energy = 0;  // N·mm = mJ: sum of u_k V_k
-  double energy_ratio = 0;    // torque work / removed energy; NaN if nothing was removed
-  double seconds_simulated = 0;
-  double seconds_computed = 0;                               // wall time of the steps
+  SessionTotals totals;          // of the session, at its end
+  double removed_energy = 0;     // N·mm = mJ: sum of u_k V_k
+  double energy_ratio = 0;       // torque work / removed energy; NaN if nothing was removed
+  double seconds_simulated = 0;  // from the first row to the last
+  double seconds_computed = 0;   // wall time of the steps
   double step_us_p50 = 0, step_us_p99 = 0, step_us_max = 0;  // of single steps
 };
 

@@ -23,15 +23,15 @@
 
 namespace toothprep {
 
-constexpr int kBrickEdge = 8;
-constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;
+constexpr int kBrickEdge = 8;                                       // voxels
+constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;  // 512
 
 constexpr int brick_offset(int x, int y, int z) {  // each 0..7
   return (x << 6) | (y << 3) | z;
 }
 
 template <class T>
-class BrickGrid {
+class BrickGrid {  // values at integer voxel positions; writing is not safe beside reading
   static_assert(std::is_trivially_copyable_v<T>);
 
  public:
@@ -50,7 +50,7 @@ class BrickGrid {
     fill_brick(0, background);
     for (std::uint32_t c = 1; c < constants_; ++c) fill_brick(c, constants[c - 1]);
   }
-  BrickGrid(const BrickGrid& o)
+  BrickGrid(const BrickGrid& o)  // copies the stored bricks; free ones are not reserved anew
       : first_(o.first_),
         counts_(o.counts_),
         constants_(o.constants_),
@@ -61,17 +61,17 @@ class BrickGrid {
     used_ = o.used_;
     std::memcpy(pool_.get(), o.pool_.get(), sizeof(T) * kBrickVoxels * used_);
   }
-  BrickGrid& operator=(const BrickGrid& o) {
+  BrickGrid& operator=(const BrickGrid& o) {  // the same
     if (this != &o) *this = BrickGrid(o);
     return *this;
   }
-  BrickGrid(BrickGrid&&) noexcept = default;
-  BrickGrid& operator=(BrickGrid&&) noexcept = default;
+  BrickGrid(BrickGrid&&) noexcept = default;             // the storage goes along
+  BrickGrid& operator=(BrickGrid&&) noexcept = default;  // the same
 
-  const Index3& first_brick() const { return first_; }
-  const Index3& brick_counts() const { return counts_; }
-  std::size_t table_size() const { return top_.size(); }
-  T background() const { return pool_[0]; }
+  const Index3& first_brick() const { return first_; }    // lower corner of the box, in bricks
+  const Index3& brick_counts() const { return counts_; }  // the box's size, in bricks
+  std::size_t table_size() const { return top_.size(); }  // bricks in the box
+  T background() const { return pool_[0]; }               // the value outside the box
 
   // Table index of the brick that holds voxel (i, j, k), or -1 outside the box.
   std::int64_t brick_index(int i, int j, int k) const {
@@ -88,16 +88,16 @@ class BrickGrid {
     return (first_ + Index3(x, y, z)) * kBrickEdge;
   }
 
-  T value(int i, int j, int k) const {
+  T value(int i, int j, int k) const {  // of voxel (i, j, k), which may lie outside the box
     const std::int64_t b = brick_index(i, j, k);
     return b < 0 ? pool_[0] : brick(b)[brick_offset(i & 7, j & 7, k & 7)];
   }
 
-  const T* brick(std::size_t index) const {
+  const T* brick(std::size_t index) const {  // 512 values, offset as in brick_offset()
     return pool_.get() + static_cast<std::size_t>(top_[index]) * kBrickVoxels;
   }
-  bool is_uniform(std::size_t index) const { return top_[index] < constants_; }
-  T uniform_value(std::size_t index) const { return *brick(index); }
+  bool is_uniform(std::size_t index) const { return top_[index] < constants_; }  // not stored
+  T uniform_value(std::size_t index) const { return *brick(index); }             // of such a brick
 
   // The brick for writing; a uniform one is given storage of its own first. Never allocates while
   // bricks_free() > 0; returns null when the pool is exhausted and `may_grow` is false.
@@ -154,13 +154,13 @@ class BrickGrid {
     std::memcpy(writable_brick(index), values, sizeof(T) * kBrickVoxels);
   }
 
-  std::size_t bricks_stored() const { return used_ - constants_ - spare_.size(); }
-  std::size_t bricks_free() const { return capacity_ - used_ + spare_.size(); }
-  void reserve(std::size_t free_bricks) {
+  std::size_t bricks_stored() const { return used_ - constants_ - spare_.size(); }  // in use
+  std::size_t bricks_free() const { return capacity_ - used_ + spare_.size(); }     // to be taken
+  void reserve(std::size_t free_bricks) {  // throws std::bad_alloc
     if (bricks_free() < free_bricks) grow(used_ + free_bricks);
     spare_.reserve(capacity_);
   }
-  std::size_t memory_bytes() const {
+  std::size_t memory_bytes() const {  // of table and stored bricks
     return top_.size() * sizeof(std::uint32_t) + sizeof(T) * kBrickVoxels * std::size_t{used_};
   }
 

@@ -19,27 +19,27 @@ constexpr double kBandVoxels = 3.0;  // half width of the narrow band, as OpenVD
 // Where voxels lie: the centre of voxel i is origin + voxel * i (W frame, mm; axes are the
 // world's).
 struct Lattice {
-  Vec3 origin = Vec3::Zero();
-  double voxel = 0.1;  // D, mm
+  Vec3 origin = Vec3::Zero();  // mm, W: centre of voxel (0, 0, 0)
+  double voxel = 0.1;          // D, mm
 
-  Vec3 to_world(const Index3& i) const { return origin + voxel * i.cast<double>(); }
-  Vec3 to_index(const Vec3& x) const { return (x - origin) / voxel; }
+  Vec3 to_world(const Index3& i) const { return origin + voxel * i.cast<double>(); }  // mm, W
+  Vec3 to_index(const Vec3& x) const { return (x - origin) / voxel; }  // of a point of W, mm
 };
 
-using LabelGrid = BrickGrid<std::uint8_t>;
-using LevelSet = BrickGrid<float>;
+using LabelGrid = BrickGrid<std::uint8_t>;  // of Tissue values
+using LevelSet = BrickGrid<float>;          // signed distance, mm, negative inside, within the band
 
-struct LayeredTooth {
-  Lattice lattice;
-  LabelGrid tissue;  // Tissue values; background air
-  LevelSet solid;    // what remains of labels 1-4
+struct LayeredTooth {  // the anatomy, and what remains of it
+  Lattice lattice;     // of all its grids
+  LabelGrid tissue;    // Tissue values; background air
+  LevelSet solid;      // what remains of labels 1-4
   // What remains of each tissue that has a grid of its own in the file (enamel, dentin, pulp);
   // `other` is what is left of solid.
   std::array<LevelSet, 3> remains;
   // Free-form metadata: source, source_sha256, threshold_*_..., kept through files.
   std::map<std::string, std::string> provenance;
 
-  double band() const { return kBandVoxels * lattice.voxel; }
+  double band() const { return kBandVoxels * lattice.voxel; }  // half width, mm
 };
 
 // An empty tooth whose grids cover the voxels lower..upper (inclusive) and a margin of one brick.
@@ -50,9 +50,9 @@ LayeredTooth make_empty_tooth(const Lattice& lattice, const Index3& lower, const
 // grid (enamel, dentin, pulp), as the intact anatomy. Values beyond the band need only have the
 // right sign.
 struct ToothSample {
-  float solid = 0;
-  std::array<float, 3> tissue{};
-  Tissue label = Tissue::kAir;
+  float solid = 0;                // mm
+  std::array<float, 3> tissue{};  // mm
+  Tissue label = Tissue::kAir;    // of the voxel
 };
 
 // The tooth of a field given at every point. `sample` must be a pure function (it is called from
@@ -76,11 +76,11 @@ PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth);
 // World box around what remains of the solid (min, max), mm; a zero box at the origin if nothing
 // does.
 struct Box {
-  Vec3 min = Vec3::Zero(), max = Vec3::Zero();
+  Vec3 min = Vec3::Zero(), max = Vec3::Zero();  // mm, W
 };
-Box bounds_of_solid(const LayeredTooth& tooth);
+Box bounds_of_solid(const LayeredTooth& tooth);  // the box just described
 
-std::size_t memory_bytes(const LayeredTooth& tooth);
+std::size_t memory_bytes(const LayeredTooth& tooth);  // of all grids
 
 // SHA-256 over lattice, labels and level sets (not over the file that holds them), independent of
 // the box and of which bricks are stored.

@@ -13,10 +13,10 @@
 
 namespace toothprep {
 
-struct CalibrationSettings {
-  Parameters parameters;  // time step, coupling, handpiece, where the search starts
-  FitOptions fit;
-  ForceReading force;
+struct CalibrationSettings {          // what the options of `toothprep calibrate` say
+  Parameters parameters;              // time step, coupling, handpiece, where the search starts
+  FitOptions fit;                     // what is estimated (fit.h)
+  ForceReading force;                 // how the recorded force is meant (recording.h)
   bool coupled = false;               // the handle's motion was recorded, not the bur's
   bool rotation_rate_stated = false;  // parameters' rotation rate wins over a recorded speed
   bool fit_droop = false;             // of an imposed motion, from the recorded speed
@@ -26,7 +26,7 @@ struct CalibrationSettings {
 
 // What a caller may want to know while it runs; each may be empty.
 struct CalibrationListener {
-  std::function<void(const std::string&)> say, warn;
+  std::function<void(const std::string&)> say, warn;  // a sentence each
   // What is implausible in the file that is named; may throw.
   std::function<void(const std::string& file, const std::vector<Finding>&)> judged;
   std::function<void(double)>
@@ -36,11 +36,11 @@ struct CalibrationListener {
 // To be moved, not copied: the recordings refer to the bases.
 struct CalibrationResult {
   CalibrationResult() = default;
-  CalibrationResult(CalibrationResult&&) = default;
-  CalibrationResult& operator=(CalibrationResult&&) = default;
+  CalibrationResult(CalibrationResult&&) = default;             // bases keep their place
+  CalibrationResult& operator=(CalibrationResult&&) = default;  // the same
 
-  FitResult fit;
-  std::vector<ComparedRecording> recordings;
+  FitResult fit;                              // u, alpha and the rest, with their uncertainty
+  std::vector<ComparedRecording> recordings;  // one per file, in their order
   Parameters parameters;          // the settings', at the rotation rate that the fit is for
   std::vector<ForceBasis> bases;  // of an imposed motion
   CoupledFit coupled;             // of a handle's

@@ -29,10 +29,10 @@
 
 namespace toothprep {
 
-struct DeviceIdentity {
+struct DeviceIdentity {  // what a recording says of its device
   std::string name;      // as it was opened; "default" for the driver's first
   std::string model;     // "PHANTOM Desktop", "Touch", ...
-  std::string vendor;    //
+  std::string vendor;    // the maker
   std::string driver;    // driver and library, with versions
   std::string serial;    // empty: unknown
   std::string firmware;  // empty: unknown
@@ -50,14 +50,14 @@ struct DeviceLimits {
   std::vector<std::string> notes;   // a line per limit that was assumed or refused
 };
 
-struct DevicePose {
+struct DevicePose {                        // of one device, as read
   Vec3 position = Vec3::Zero();            // mm, frame D
   Quat orientation = Quat::Identity();     // stylus to D, unit
   std::uint32_t buttons = 0;               // bit 0 = the first button
   std::optional<bool> safety_switch = {};  // held or not; empty: the device has none
 };
 
-struct DeviceReading {
+struct DeviceReading {    // what the client is given each tick
   std::int64_t tick = 0;  // 0, 1, ... since start, of the ticks that came
   double time = 0;        // s since start, monotonic, when this tick began
   // Periods without a tick since the last one: the time between them in periods, rounded, less one.
@@ -80,22 +80,22 @@ class ServoClient {
   virtual Vec3 tick(const DeviceReading& reading) = 0;
 };
 
-enum class Calibration {
+enum class Calibration {  // of the encoders, as the driver says
   kOk,
   kNeedsUpdate,      // the driver has better values but couldn't take them
   kNeedsManualInput  // the user must do something: stylus into the inkwell, arm into its rest
 };
 
-enum class ServoState {
-  kIdle,     // never started
-  kRunning,  //
-  kStopped,  // by stop()
-  kFaulted   // by a final fault; stop() not called yet
+enum class ServoState {  // of the loop that calls the client
+  kIdle,                 // never started
+  kRunning,              //
+  kStopped,              // by stop()
+  kFaulted               // by a final fault; stop() not called yet
 };
 
 // A look at the servo from another thread; each figure is whole, together they may be of two ticks.
 struct DeviceStatus {
-  ServoState state = ServoState::kIdle;
+  ServoState state = ServoState::kIdle;         // as it is now
   std::int64_t ticks = 0;                       // of the client, since start
   double time = 0;                              // s since start, of the last tick
   double age = 0;                               // s since the last tick ended, now: a watchdog's
@@ -107,16 +107,16 @@ struct DeviceStatus {
   std::int64_t missed_ticks = 0;                // sum of DeviceReading::missed
 };
 
-class HapticDevice {
+class HapticDevice {  // the interface that every back end implements
  public:
   HapticDevice() = default;
   HapticDevice(const HapticDevice&) = delete;
   HapticDevice& operator=(const HapticDevice&) = delete;
   virtual ~HapticDevice() = default;  // stops
 
-  virtual const DeviceIdentity& identity() const noexcept = 0;
+  virtual const DeviceIdentity& identity() const noexcept = 0;         // of the hand's device
   virtual const DeviceIdentity* mirror_identity() const noexcept = 0;  // nullptr: none
-  virtual const DeviceLimits& limits() const noexcept = 0;
+  virtual const DeviceLimits& limits() const noexcept = 0;             // of the hand's device
 
   // The worse of both devices'. While the servo runs, as it was at its start.
   virtual Calibration calibration() = 0;
@@ -130,7 +130,7 @@ class HapticDevice {
   // still has to call it.
   virtual void stop() noexcept = 0;
 
-  virtual DeviceStatus status() const noexcept = 0;
+  virtual DeviceStatus status() const noexcept = 0;  // from any thread
 };
 
 }  // namespace toothprep

@@ -15,18 +15,18 @@
 
 namespace toothprep {
 
-struct SimulatedSettings {
-  PhantomModel phantom;
-  HandModel hand;
-  HandMotion motion = gentle_hand(DevicePose());
+struct SimulatedSettings {                        // checked by SimulatedDevice's constructor
+  PhantomModel phantom;                           // mass, friction, encoders, motors
+  HandModel hand;                                 // the spring and damper of the fingers
+  HandMotion motion = gentle_hand(DevicePose());  // where the hand wants to be
   std::optional<HandMotion> mirror_motion;  // a second device of the same model, without force
-  Disturbances disturbances;
-  bool real_time = true;
-  double ramp = 0.25;              // s, of the force after a start or a fault; 0: none
-  double continuous_force = 1.75;  // N, for the limits; the Desktop's as usually quoted
+  Disturbances disturbances;                // ticks left out, noise, faults
+  bool real_time = true;                    // false: run() computes the ticks
+  double ramp = 0.25;                       // s, of the force after a start or a fault; 0: none
+  double continuous_force = 1.75;           // N, for the limits; the Desktop's as usually quoted
 };
 
-class SimulatedDevice final : public HapticDevice {
+class SimulatedDevice final : public HapticDevice {  // haptic_device.h
  public:
   // Throws Error that names the first violated condition.
   explicit SimulatedDevice(const SimulatedSettings& settings);

@@ -37,31 +37,31 @@ struct SessionHeader {
   Trace trace;              // parameters, hashes, bur, drive, engine; no rows
   std::string device_kind;  // "openhaptics" or "simulated"
   std::string device_name, device_model, device_vendor, device_driver, device_serial,
-      device_firmware;
+      device_firmware;       // as DeviceIdentity; empty: unknown
   std::string mirror_model;  // empty: no second device
   double rate_hz = 0, max_force_n = 0, max_continuous_force_n = 0, max_stiffness_n_per_mm = 0,
-         max_damping_n_s_per_mm = 0;
+         max_damping_n_s_per_mm = 0;                                // as DeviceLimits
   Vec3 workspace_min = Vec3::Zero(), workspace_max = Vec3::Zero();  // mm, D
-  std::vector<std::string> limit_notes;
-  double force_limit_n = 0, force_rate_limit_n_per_s = 0;  // the session's own
-  Pose registration;                                       // D to W; of the start
+  std::vector<std::string> limit_notes;                             // as DeviceLimits::notes
+  double force_limit_n = 0, force_rate_limit_n_per_s = 0;           // the session's own
+  Pose registration;                                                // D to W; of the start
   std::string protocol;  // of an active check: "rest", "step", ...; empty: a free session
   std::string pedal;     // which button starts the bur: "1", "2", "none"
   std::string host;      // machine, kernel, scheduling: a line
 };
 
-struct SessionRecording {
-  SessionHeader header;  // its trace has the rows and, if the session was closed, the audit
-  bool complete = false;
+struct SessionRecording {  // a whole recording in memory
+  SessionHeader header;    // its trace has the rows and, if the session was closed, the audit
+  bool complete = false;   // closed by the program that wrote it
   std::int64_t dropped_ticks = 0;  // that the recorder couldn't keep up with; 0 if not complete
   std::string end_reason;          // "duration", "signal", a fault's line, ...; empty if killed
 
   // A value per row of header.trace.rows; row 0 is the first tick.
-  std::vector<double> servo_time, step_seconds, force_scale;
-  std::vector<std::int64_t> tick;
-  std::vector<std::int32_t> missed;
-  std::vector<std::uint32_t> flags, fault, device_buttons, mirror_buttons;
-  std::vector<Vec3> force_commanded, force_sent, device_position, mirror_position;
+  std::vector<double> servo_time, step_seconds, force_scale;                        // s, s, 0 to 1
+  std::vector<std::int64_t> tick;                                                   // /servo/tick
+  std::vector<std::int32_t> missed;                                                 // /servo/missed
+  std::vector<std::uint32_t> flags, fault, device_buttons, mirror_buttons;          // bits
+  std::vector<Vec3> force_commanded, force_sent, device_position, mirror_position;  // N, mm; D
   std::vector<Quat> device_orientation, mirror_orientation;  // mirror: empty if there is none
 };
 

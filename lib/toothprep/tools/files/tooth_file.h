@@ -20,10 +20,10 @@ LayeredTooth read_tooth(const std::string& path);
 // The same, and what is odd about the tooth though it can be read: it isn't the one that the file's
 // tooth_sha256 is of (another program changed and saved it), or it lies where no tooth does.
 struct ToothReading {
-  LayeredTooth tooth;
+  LayeredTooth tooth;                 // as read
   std::vector<std::string> warnings;  // a sentence each, with the file's name
 };
-ToothReading read_tooth_with_warnings(const std::string& path);
+ToothReading read_tooth_with_warnings(const std::string& path);  // errors as read_tooth()
 
 // Same tooth, same bytes: the archive's random id is derived from the content. Writes `path`
 // itself; callers go through Outputs.

@@ -17,15 +17,15 @@ struct EnergyAudit {
   double energy_ratio = 0;       // their quotient; NaN when nothing was removed
 };
 
-struct Trace {
-  std::vector<StepRecord> rows;  // row 0 is the initial state with zero forces
-  std::string parameters_toml;   // complete
-  std::string tooth_sha256;
-  std::string toothprep_version;
-  std::string bur;  // the --bur text
-  std::string drive, engine;
-  EnergyAudit audit;
-  double initial_overlap_mm3 = 0;
+struct Trace {                       // a trace file in memory
+  std::vector<StepRecord> rows;      // row 0 is the initial state with zero forces
+  std::string parameters_toml;       // complete
+  std::string tooth_sha256;          // of the tooth before the first step (layered_tooth.h)
+  std::string toothprep_version;     // that wrote it
+  std::string bur;                   // the --bur text
+  std::string drive, engine;         // as name_of() says
+  EnergyAudit audit;                 // of the whole run
+  double initial_overlap_mm3 = 0;    // removed before the first step; not in the audit
   std::vector<Vec3> measured_force;  // N; empty or one per row
 };
 

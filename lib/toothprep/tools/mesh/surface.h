@@ -10,13 +10,13 @@
 
 namespace toothprep {
 
-struct TriangleMesh {
+struct TriangleMesh {                                   // indexed; no vertex occurs twice
   std::vector<Eigen::Vector3f> vertices;                // mm
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
   std::vector<std::uint8_t> tissue;                     // per vertex, a Tissue label
 };
 
-enum class SurfaceOf { kAll, kEnamel, kDentin, kPulp };
+enum class SurfaceOf { kAll, kEnamel, kDentin, kPulp };  // the solid, or one tissue
 
 // The zero surface of what remains of the whole tooth or of one tissue; closed and free of
 // self-intersections. An empty mesh if nothing remains. `tissue` is the tissue under each vertex.
@@ -25,11 +25,11 @@ TriangleMesh extract_surface(const LayeredTooth& tooth, SurfaceOf what);
 // Numbers per vertex, and colours instead of those by tissue, for the formats that hold them: .ply
 // (float properties) and .vtk (point data); .stl and .obj leave them out.
 struct VertexAttributes {
-  struct Scalar {
+  struct Scalar {               // one number per vertex
     std::string name;           // a word
     std::vector<float> values;  // per vertex
   };
-  std::vector<Scalar> scalars;
+  std::vector<Scalar> scalars;                       // in the order of the file
   std::vector<std::array<std::uint8_t, 3>> colours;  // RGB per vertex, or empty
 };
 

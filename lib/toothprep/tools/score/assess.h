@@ -21,26 +21,26 @@
 
 namespace toothprep {
 
-struct AssessmentOptions {
+struct AssessmentOptions {              // what the options of `toothprep score` say
   std::string original, prepared;       // files: .vdb, or closed meshes
   std::string target, trace;            // files; empty: none
   std::optional<PreparationType> type;  // absent: the rubric's, or else found
-  std::optional<Rubric> rubric;
+  std::optional<Rubric> rubric;         // absent: figures without points
   // Lays prepared and target on the original before anything is compared.
   bool register_teeth = false;
   double voxel = 0.1;              // mm, for an original that is a mesh
   PreparationOptions preparation;  // its type is overwritten
-  ProcessOptions process;
+  ProcessOptions process;          // of the recording
 };
 
-struct Assessment {
-  Solid original, prepared;  // on one lattice
-  std::optional<Solid> target;
-  std::optional<Deviation> deviation;  // of prepared.surface; with a target
-  Preparation preparation;
-  TriangleMesh preparation_surface;  // on which it was measured
-  std::optional<Trace> trace;
-  std::optional<ProcessFigures> process;
+struct Assessment {                       // everything that was measured
+  Solid original, prepared;               // on one lattice
+  std::optional<Solid> target;            // on the same lattice
+  std::optional<Deviation> deviation;     // of prepared.surface; with a target
+  Preparation preparation;                // floors, walls, margin, ...
+  TriangleMesh preparation_surface;       // on which it was measured
+  std::optional<Trace> trace;             // with a recording
+  std::optional<ProcessFigures> process;  // with a recording
   ScoreSheet sheet;  // with the rubric's result if there is a rubric; toothprep_version is not set
 };
 

@@ -15,7 +15,7 @@ namespace toothprep {
 // clock, not a preparation, and a trace of them would not fit into memory.
 constexpr std::size_t kMostSamples = 20'000'000;
 
-struct Trajectory {
+struct Trajectory {                   // a commanded motion, at any rate
   std::vector<HandleSample> samples;  // time strictly increasing
   std::vector<Vec3> measured_force;   // N, tooth on bur, W; empty or one per sample
 };
