@@ -1,0 +1,50 @@
+"""The C++ reference: Doxygen over the public headers. Its warnings are faults."""
+import subprocess
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SETTINGS = """
+PROJECT_NAME = toothprep
+PROJECT_BRIEF = "C++ reference"
+INPUT_FILTER = {filter}
+OUTPUT_DIRECTORY = {out}
+HTML_OUTPUT = .
+GENERATE_LATEX = NO
+STRIP_FROM_PATH = {lib}
+STRIP_FROM_INC_PATH = {lib}
+JAVADOC_AUTOBRIEF = YES
+DISTRIBUTE_GROUP_DOC = YES
+EXTRACT_PRIVATE = NO
+HAVE_DOT = NO
+BUILTIN_STL_SUPPORT = YES
+SORT_MEMBER_DOCS = NO
+VERBATIM_HEADERS = NO
+SHOW_USED_FILES = NO
+QUIET = YES
+WARN_IF_UNDOCUMENTED = YES
+WARN_IF_INCOMPLETE_DOC = NO
+WARN_NO_PARAMDOC = NO
+WARN_LOGFILE = {log}
+"""
+
+
+def public_headers():
+    lib = ROOT / "lib" / "toothprep"
+    return [lib / n for n in """step/core/errors.h step/core/geometry.h step/core/parameters.h step/core/step_record.h
+    step/core/tissue.h step/core/units.h step/tooth/brick_grid.h step/tooth/layered_tooth.h step/bur/bur.h
+    step/bur/bur_library.h step/bur/bur_shapes.h step/bur/profile.h step/grinding/engine.h step/grinding/workpiece.h
+    step/session/replay.h tools/files/tooth_file.h tools/files/trace.h tools/files/trace_file.h tools/files/session_file.h tools/trajectory/trajectory.h
+    tools/device/haptic_device.h tools/device/simulated_device.h tools/mesh/surface.h
+    tools/score/assess.h tools/calibrate/calibration.h""".split() if (lib / n).exists()]
+
+
+def build_cpp_reference(out, headers=None):
+    """Writes the pages into `out`; returns the faults, a line each."""
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder, "warnings")
+        settings = SETTINGS.format(filter=ROOT / "scripts" / "site" / "doxygen-comments", out=out, lib=ROOT / "lib", log=log)
+        inputs = " \\\n".join(str(header) for header in headers or public_headers())
+        out.mkdir(parents=True)
+        subprocess.run(["doxygen", "-"], input=f"{settings}INPUT = {inputs}\n".encode(), check=True)
+        return log.read_text(encoding="utf-8").replace(f"{ROOT}/", "").splitlines()

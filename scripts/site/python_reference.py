@@ -1,0 +1,86 @@
+"""The Python reference: the docstrings of the built module `toothprep`, as one Markdown page.
+
+Run as a program it prints that page:  python_reference.py FOLDER_OF_THE_MODULE
+"""
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+
+def python_reference(folder):
+    """(the page, faults) of the module in `folder`; None if there is none. Another process imports it."""
+    if not any(Path(folder).glob("toothprep*")):
+        return None
+    done = subprocess.run(["/usr/bin/python3", "-B", __file__, str(folder)], capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 1) or not done.stdout:
+        return "", [f"importing toothprep from {folder} failed: {done.stderr.strip()}"]
+    return done.stdout, done.stderr.splitlines()
+
+
+def signature_and_text(name, what):
+    """The call as a reader writes it, and what stands below it. Of a compiled function both are in the docstring."""
+    text = inspect.getdoc(what) or ""
+    first, _, rest = text.partition("\n")
+    if re.match(r"\w+\(.*\)( -> .*)?$", first):
+        if first.startswith(f"{name}(*args, **kwargs)"):  # overloads, numbered
+            calls = re.findall(r"^\d+\. (\w+\(.*)$", rest, re.M)
+            rest = re.sub(r"^\d+\. \w+\(.*$", "", rest.replace("Overloaded function.", ""), flags=re.M)
+            return calls, inspect.cleandoc(rest)
+        return [first], inspect.cleandoc(rest)
+    try:
+        return [f"{name}{inspect.signature(what)}"], text
+    except (TypeError, ValueError):
+        return [f"{name}(...)"], text
+
+
+def shown(calls):
+    """Without what a reader does not write: the module's own name, `self` and its type."""
+    calls = [re.sub(r"\(self(: [\w.]+)?(, )?", "(", re.sub(r"\btoothprep\.(_\w+\.)?", "", call)) for call in calls]
+    return "```python\n" + "\n".join(calls) + "\n```"
+
+
+def reference(module):
+    """(Markdown, the names that have no docstring)."""
+    lines, bare = ["# Python reference", "", inspect.getdoc(module) or ""], []
+    names = getattr(module, "__all__", None) or [n for n in dir(module) if not n.startswith("_")]
+    members = {n: getattr(module, n) for n in names}
+    classes = {n: m for n, m in members.items() if inspect.isclass(m)}
+    for name, what in sorted(members.items()):
+        if callable(what) and name not in classes:
+            calls, text = signature_and_text(name, what)
+            lines += ["", f"## {name}", "", shown(calls), "", text]
+            bare += [] if text else [name]
+    for name, what in sorted(classes.items()):
+        text = inspect.getdoc(what) or ""
+        lines += ["", f"## class {name}", "", text]
+        bare += [] if text else [name]
+        for key, member in vars(what).items():
+            if key.startswith("_") and key != "__init__":
+                continue
+            if isinstance(member, property) or inspect.isdatadescriptor(member):
+                text = inspect.getdoc(member) or ""
+                lines += ["", f"`{key}`: {text}"]
+            elif callable(member):
+                calls, text = signature_and_text(key, member)
+                calls = [c.replace("__init__(", f"{name}(", 1).removesuffix(" -> None") for c in calls]
+                lines += ["", shown(calls), "", text]
+            else:
+                continue
+            bare += [] if text or key == "__init__" else [f"{name}.{key}"]
+    return "\n".join(lines) + "\n", bare
+
+
+def main():
+    sys.path.insert(0, sys.argv[1])
+    import toothprep
+    text, bare = reference(toothprep)
+    print(text)
+    for name in bare:
+        print(f"{name} has no docstring", file=sys.stderr)
+    sys.exit(1 if bare else 0)
+
+
+if __name__ == "__main__":
+    main()
