@@ -59,6 +59,7 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   j["stall_onsets"] = r.totals.stall_onsets;
   j["split_steps"] = r.totals.split_steps;
   j["split_steps_cut_short"] = r.totals.split_steps_cut_short;
+  j["rejected_steps"] = r.totals.rejected_steps;
   j["contact_steps"] = r.totals.contact_steps;
   j["shank_contact_steps"] = r.totals.shank_contact_steps;
   double overlap = 0;
@@ -86,7 +87,7 @@ void run(const Options& o, const Common& common) {
   const Parameters parameters = load_parameters(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
   const Trajectory trajectory = load_trajectory(o.trajectory);
-  std::vector<Finding> findings = judge_motion(trajectory.samples);
+  std::vector<Finding> findings = judge_motion(without_rejected(trajectory).samples);
   for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
   if (o.strict) warn_or_refuse(o.trajectory, findings, true);
   check_run_memory(o.trajectory, trajectory, parameters.time_step);
@@ -148,6 +149,9 @@ void run(const Options& o, const Common& common) {
         fmt::format("direct drive needed more than the stall torque in {} steps: nothing was "
                     "removed there, force and torque are scaled to the limit",
                     t.stalled_steps));
+  if (t.rejected_steps > 0)
+    say(common, fmt::format("{} steps were not made: the device's readings were rejected there",
+                            t.rejected_steps));
   if (t.split_steps_cut_short > 0)
     warn(fmt::format(
         "the bur was so fast in {} steps that they went in fewer parts than a third of a voxel "

@@ -12,6 +12,7 @@ UNITS = {  # dataset: (columns, unit)
     "/handle/position": (3, "mm"),
     "/handle/orientation": (4, "1"),
     "/handle/buttons": (0, "1"),
+    "/reading_rejected": (0, "1"),
     "/bur/position": (3, "mm"),
     "/bur/velocity": (3, "mm/s"),
     "/bur/orientation": (4, "1"),

@@ -72,6 +72,7 @@ inline LiveTick synthetic_tick(std::int64_t i, bool mirror = false) {
   r.handle.pose.position = Vec3(0.01 * wave, 4 - 0.5 * x, 0.1 / (x + 1));
   r.handle.pose.orientation = Quat(Eigen::AngleAxisd(0.3 + 0.01 * x, Vec3(1, 2, 3).normalized()));
   r.handle.buttons = i % 97 ? 1u : 0x80000001u;
+  r.handle.rejected = i % 11 == 10;
   r.bur.position = r.handle.pose.position + Vec3(0.05, wave, 0.02);
   r.bur.orientation = Quat(Eigen::AngleAxisd(0.2, Vec3(3, 1, 2).normalized()));
   r.bur_velocity = Vec3(0.001 * wave, -0.5, 1e-5 * x);

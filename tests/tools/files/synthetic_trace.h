@@ -31,6 +31,7 @@ inline Trace synthetic_trace(int rows) {
     row.handle.pose.orientation =
         Quat(Eigen::AngleAxisd(0.3 + 0.01 * s, Vec3(1, 2, 3).normalized()));
     row.handle.buttons = i % 97 ? 1u : 0x80000001u;
+    row.handle.rejected = i % 89 == 88;
     row.bur.position = row.handle.pose.position + Vec3(0.05, 3 * depth * (s < 0.8), 0.02);
     row.bur.orientation = Quat(Eigen::AngleAxisd(0.2, Vec3(3, 1, 2).normalized()));
     row.stalled = i > 0 && s > 0.62 && s < 0.74;

@@ -94,6 +94,28 @@ TEST(Resample, ButtonsAreThoseOfTheLatestSample) {
   for (int i = 0; i < 6; ++i) EXPECT_EQ(out[i].buttons, expected[i]) << i;
 }
 
+TEST(Resample, RejectedSamplesStayOnTheGridAndAreNeverInterpolated) {
+  Trajectory t;
+  for (int i = 0; i < 10; ++i) {
+    t.samples.push_back(sample(1e-3 * i, Vec3(i, 0, 0)));
+    t.measured_force.push_back(Vec3(i, 0, 0));
+  }
+  t.samples[4].rejected = true;
+  t.samples[4].pose.position = Vec3(0, 20, 0);
+  const auto same = resample(t, 1e-3, false, "t.h5");
+  ASSERT_EQ(same.size(), 10u);
+  EXPECT_TRUE(same[4].rejected);
+  EXPECT_EQ(same[4].pose.position, Vec3(0, 20, 0));
+  for (const HandleSample& s : resample(t, 0.5e-3, false, "t.h5")) {
+    EXPECT_FALSE(s.rejected);
+    EXPECT_NEAR(s.pose.position.x(), 1e3 * s.time, 1e-9);
+    EXPECT_EQ(s.pose.position.y(), 0);
+  }
+  const Trajectory good = without_rejected(t);
+  ASSERT_EQ(good.samples.size(), 9u);
+  EXPECT_EQ(good.measured_force[4], Vec3(5, 0, 0));
+}
+
 TEST(Resample, AGapIsRefusedWithItsTimeUnlessAllowed) {
   Trajectory t;
   t.samples = {sample(0, Vec3::Zero()), sample(0.1, Vec3::UnitX()), sample(0.25, Vec3::UnitY())};

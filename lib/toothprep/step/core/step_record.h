@@ -15,6 +15,7 @@ struct HandleSample {
   double time = 0;                       // s
   Pose pose;                             // of the handle, W
   std::uint32_t buttons = kPedalButton;  // bits
+  bool rejected = false;                 // can't be believed: no step is made, the bur stays
 };
 
 // The state after the step that ends at handle.time. Forces in N on the bur, W frame.

@@ -13,6 +13,7 @@ ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& para
                     const std::function<void(double)>& progress) {
   if (path.size() < 2) throw Error("a trajectory needs at least two samples");
   using Clock = std::chrono::steady_clock;
+  if (path.front().rejected) throw Error("the first sample of a trajectory must not be rejected");
   Session session(bur, workpiece, parameters, drive, path.front());
   ReplayResult result;
   result.rows.reserve(path.size());
@@ -47,6 +48,7 @@ ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& para
 double distance_to_tooth(const std::vector<HandleSample>& path, const Box& box) {
   double nearest = std::numeric_limits<double>::infinity();
   for (const HandleSample& s : path) {
+    if (s.rejected) continue;
     const Vec3 outside = (box.min - s.pose.position).cwiseMax(s.pose.position - box.max);
     nearest = std::min(nearest, outside.cwiseMax(0.0).norm());
   }

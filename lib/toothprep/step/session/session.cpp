@@ -30,6 +30,7 @@ Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& paramet
 }
 
 StepRecord Session::step(const HandleSample& next) noexcept {
+  if (next.rejected) return stand(next);
   const HandleSample from = state_.handle;
   const Vec3 start = state_.pose.position;
   const int parts = parts_of_step();
@@ -41,6 +42,17 @@ StepRecord Session::step(const HandleSample& next) noexcept {
   row.removed_volume = engine_->removed();
   row.shank_contact_area = shank_contact_area(model_.shank, workpiece_, state_.pose);
   count(row);
+  return row;
+}
+
+StepRecord Session::stand(const HandleSample& rejected) noexcept {
+  ++totals_.rejected_steps;
+  state_.velocity.setZero();
+  state_.judged_velocity.setZero();
+  StepRecord row;
+  row.handle = rejected;
+  row.bur = state_.pose;
+  row.removed_volume = engine_->removed();
   return row;
 }
 

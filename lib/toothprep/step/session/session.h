@@ -21,6 +21,7 @@ struct SessionTotals {
   long stalled_steps = 0;
   long stall_onsets = 0;
   long contact_steps = 0;
+  long rejected_steps = 0;  // not made, since the handle's reading was rejected
   long shank_contact_steps = 0;
   long split_steps = 0;            // that went in parts, since the bur was fast
   long split_steps_cut_short = 0;  // of these: in fewer parts than wanted, to keep the time budget
@@ -38,7 +39,9 @@ class Session {
   // Row 0: the initial state with zero forces.
   const StepRecord& initial() const { return initial_; }
 
-  // One step of parameters.time_step that ends with the handle at `next`. Allocates nothing.
+  // One step of parameters.time_step that ends with the handle at `next`. Allocates nothing. If
+  // `next` is rejected, no step is made: the row has the bur where it was, at rest, without forces,
+  // and the next step goes on from the last handle that was not rejected.
   StepRecord step(const HandleSample& next) noexcept;
 
   // Removes what is still due and brings the volumes of the last record up to date.
@@ -47,6 +50,7 @@ class Session {
   const SessionTotals& totals() const { return totals_; }
 
  private:
+  StepRecord stand(const HandleSample& rejected) noexcept;
   StepRecord step_part(const HandleSample& handle, double h) noexcept;
   int parts_of_step() noexcept;
   void count(const StepRecord& row) noexcept;

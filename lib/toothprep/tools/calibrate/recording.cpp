@@ -132,7 +132,7 @@ MeasuredRecording parse_recording(h5::Reader& in, RecordedPose pose) {
   r.parameters_toml = in.text("parameters").value_or("");
   in.cut_to_shortest({"/time", "/handle/position", "/handle/orientation", "/handle/buttons",
                       "/bur/position", "/bur/orientation", "/force/measured", "/rotation_rate",
-                      "/torque", "/stalled"});
+                      "/torque", "/stalled", "/reading_rejected"});
   const std::vector<double> time = in.read_time();
   if (time.size() < 2) in.refuse("/time", "holds fewer than two samples", "record a motion");
   const std::string owner =
@@ -161,6 +161,12 @@ MeasuredRecording parse_recording(h5::Reader& in, RecordedPose pose) {
     for (std::size_t i = 0; i < time.size(); ++i)
       r.motion.samples[i].buttons =
           static_cast<std::uint32_t>(in.whole_number(name, i, b[i], 0, 4294967295.0));
+  }
+  if (const std::string name = "/reading_rejected"; owner == "/handle" && in.has(name)) {
+    const std::vector<double> rejected = in.read(in.open(name, "1", 1, false));
+    for (std::size_t i = 1; i < time.size(); ++i)  // the handle was somewhere near where it was
+      if (in.whole_number(name, i, rejected[i], 0, 1) != 0)
+        r.motion.samples[i].pose = r.motion.samples[i - 1].pose;
   }
   if (in.has("/force/measured")) {
     const std::vector<double> f = in.read(in.open("/force/measured", "N", 3, true));

@@ -14,6 +14,7 @@ using h5::Reader;
 constexpr const char* kSchema = "toothprep-trace";
 constexpr int kSchemaVersion = 1;
 constexpr const char* kMeasured = "/force/measured";
+constexpr const char* kRejected = "/reading_rejected";
 constexpr double kMostButtons = 4294967295.0;
 
 // What the reader would refuse must not be written.
@@ -59,8 +60,8 @@ std::vector<Vec3> measured_force(Reader& reader) {
 
 Trajectory parse_trajectory(Reader& in) {
   check_schema(in, false);
-  in.cut_to_shortest(
-      {"/time", "/handle/position", "/handle/orientation", "/handle/buttons", kMeasured});
+  in.cut_to_shortest({"/time", "/handle/position", "/handle/orientation", "/handle/buttons",
+                      kRejected, kMeasured});
   const std::vector<double> time = in.read_time();
   if (time.size() < 2) in.refuse("/time", "holds fewer than two samples", "record a motion");
   if (!in.has("/handle/position")) in.refuse("/handle/position", "is missing");
@@ -82,6 +83,11 @@ Trajectory parse_trajectory(Reader& in) {
     for (std::size_t i = 0; i < time.size(); ++i)
       trajectory.samples[i].buttons =
           static_cast<std::uint32_t>(in.whole_number(buttons, i, b[i], 0, kMostButtons));
+  }
+  if (in.has(kRejected)) {
+    const std::vector<double> rejected = in.read(in.open(kRejected, "1", 1, false));
+    for (std::size_t i = 0; i < time.size(); ++i)
+      trajectory.samples[i].rejected = in.whole_number(kRejected, i, rejected[i], 0, 1) != 0;
   }
   trajectory.measured_force = measured_force(in);
   return trajectory;

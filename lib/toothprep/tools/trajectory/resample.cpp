@@ -86,6 +86,8 @@ std::vector<HandleSample> resample(const Trajectory& trajectory, double time_ste
   for (std::size_t i = 0; on_grid && i < count; ++i)
     on_grid = std::abs(in[i].time - time_of(i)) <= kSameTime;
   if (on_grid) return in;
+  if (std::any_of(in.begin(), in.end(), [](const HandleSample& s) { return s.rejected; }))
+    return resample(without_rejected(trajectory), time_step, allow_gaps, where);
 
   std::vector<HandleSample> out;
   out.reserve(count);
@@ -101,6 +103,17 @@ std::vector<HandleSample> resample(const Trajectory& trajectory, double time_ste
     }
   }
   return out;
+}
+
+Trajectory without_rejected(const Trajectory& trajectory) {
+  Trajectory good;
+  for (std::size_t i = 0; i < trajectory.samples.size(); ++i) {
+    if (trajectory.samples[i].rejected) continue;
+    good.samples.push_back(trajectory.samples[i]);
+    if (!trajectory.measured_force.empty())
+      good.measured_force.push_back(trajectory.measured_force[i]);
+  }
+  return good;
 }
 
 void check_run_memory(const std::string& path, const Trajectory& motion, double time_step) {

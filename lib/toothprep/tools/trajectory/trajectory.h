@@ -45,10 +45,14 @@ Trajectory parse_script(const std::string& toml, const std::string& where);
 
 // Samples at exactly start + i * time_step, i = 0, 1, ...: positions linear, orientations slerp,
 // buttons of the latest sample. The last one is the last that does not lie behind the trajectory's
-// end. A trajectory that already has these times (to 1e-9 s) is returned bit for bit. A gap above
+// end. A trajectory that already has these times (to 1e-9 s) is returned bit for bit, with its
+// rejected samples; otherwise these are left out before anything is interpolated. A gap above
 // 0.1 s is an InputError naming the time, unless `allow_gaps`.
 std::vector<HandleSample> resample(const Trajectory& trajectory, double time_step, bool allow_gaps,
                                    const std::string& where);
+
+// The trajectory without the samples that are rejected, and without their forces.
+Trajectory without_rejected(const Trajectory& trajectory);
 
 // Throws InputError if a run along the motion that was read from `path` takes more memory than
 // there is.
