@@ -77,7 +77,9 @@ int run(int argc, char** argv) {
   CLI::App app{
       "toothprep: haptic tooth preparation, offline. Layered teeth from CT, replay of handpiece\n"
       "trajectories through the force, virtual-coupling and stall pipeline, traces and meshes.\n"
-      "Example: toothprep specimen molar -o molar.vdb"};
+      "Example: toothprep specimen molar -o molar.vdb\n"
+      "Files in data/: of the repository, or installed in share/toothprep (pages with working\n"
+      "links in share/doc/toothprep). data/guide.md says which page is for which job."};
   app.set_version_flag("--version", std::string("toothprep ") + kVersion);
   app.require_subcommand(1);
   app.fallthrough();
