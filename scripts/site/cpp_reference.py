@@ -7,7 +7,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = """
 PROJECT_NAME = toothprep
 PROJECT_BRIEF = "C++ reference"
-INPUT_FILTER = {filter}
+FILTER_PATTERNS = *.h={filter}
 OUTPUT_DIRECTORY = {out}
 HTML_OUTPUT = .
 GENERATE_LATEX = NO
@@ -28,6 +28,19 @@ WARN_NO_PARAMDOC = NO
 WARN_LOGFILE = {log}
 """
 
+FIRST_PAGE = """/** @mainpage
+<a href="../index.html">All pages of toothprep</a>.
+
+What a program includes, header by header: <a href="files.html">files</a>. Types: <a href="annotated.html">classes</a>.
+Functions: <a href="namespacetoothprep.html">namespace</a>. Inside, lengths are in mm, times in s, forces in N
+(@ref units.h); frames are W, B and D (@ref geometry.h).
+*/
+/** @namespace toothprep
+Everything public. */
+/** @namespace toothprep::units
+Named conversions between the internal units and those of files and options. */
+"""
+
 
 def public_headers():
     lib = ROOT / "lib" / "toothprep"
@@ -44,7 +57,9 @@ def build_cpp_reference(out, headers=None):
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder, "warnings")
         settings = SETTINGS.format(filter=ROOT / "scripts" / "site" / "doxygen-comments", out=out, lib=ROOT / "lib", log=log)
-        inputs = " \\\n".join(str(header) for header in headers or public_headers())
+        first_page = Path(folder, "first_page.dox")
+        first_page.write_text(FIRST_PAGE, encoding="utf-8")
+        inputs = " \\\n".join(str(header) for header in headers or [first_page, *public_headers()])
         out.mkdir(parents=True)
         subprocess.run(["doxygen", "-"], input=f"{settings}INPUT = {inputs}\n".encode(), check=True)
         return log.read_text(encoding="utf-8").replace(f"{ROOT}/", "").splitlines()
