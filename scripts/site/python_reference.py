@@ -1,7 +1,9 @@
-"""The Python reference: the docstrings of the built module `toothprep`, as one Markdown page.
+"""The Python reference: the docstrings of the built module `toothprep`, with the signatures of its stubs (.pyi) where it
+has some, as one Markdown page.
 
 Run as a program it prints that page:  python_reference.py FOLDER_OF_THE_MODULE
 """
+import ast
 import inspect
 import re
 import subprocess
@@ -11,12 +13,29 @@ from pathlib import Path
 
 def python_reference(folder):
     """(the page, faults) of the module in `folder`; None if there is none. Another process imports it."""
-    if not any(Path(folder).glob("toothprep*")):
+    if not any(any(Path(folder).glob(built)) for built in ("toothprep.py", "toothprep*.so", "toothprep/_core*.so")):
         return None
     done = subprocess.run(["/usr/bin/python3", "-B", __file__, str(folder)], capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout:
         return "", [f"importing toothprep from {folder} failed: {done.stderr.strip()}"]
     return done.stdout, done.stderr.splitlines()
+
+
+def stubs(module):
+    """({name or Class.name: [its calls]}, the names of types that they use) of the module's stub file."""
+    path = Path(module.__file__).with_suffix(".pyi")
+    calls, types = {}, []
+    body = ast.parse(path.read_text(encoding="utf-8")).body if path.is_file() else []
+    for node in body:
+        if isinstance(node, ast.Assign) and node.targets[0].id.startswith("_"):
+            types.append(ast.unparse(node))
+        for prefix, call in [("", node)] + [(node.name + ".", n) for n in getattr(node, "body", [])
+                                            if isinstance(node, ast.ClassDef)]:
+            if isinstance(call, ast.FunctionDef):
+                call.args.args = [a for a in call.args.args if a.arg != "self"]
+                returns = f" -> {ast.unparse(call.returns)}" if call.returns else ""
+                calls.setdefault(prefix + call.name, []).append(f"{call.name}({ast.unparse(call.args)}){returns}")
+    return calls, types
 
 
 def signature_and_text(name, what):
@@ -44,12 +63,16 @@ def shown(calls):
 def reference(module):
     """(Markdown, the names that have no docstring)."""
     lines, bare = ["# Python reference", "", inspect.getdoc(module) or ""], []
+    stub, types = stubs(module)
+    if types:
+        lines += ["", "Types in signatures:", "", shown(types)]
     names = getattr(module, "__all__", None) or [n for n in dir(module) if not n.startswith("_")]
     members = {n: getattr(module, n) for n in names}
     classes = {n: m for n, m in members.items() if inspect.isclass(m)}
     for name, what in sorted(members.items()):
         if callable(what) and name not in classes:
             calls, text = signature_and_text(name, what)
+            calls = stub.get(name, calls)
             lines += ["", f"## {name}", "", shown(calls), "", text]
             bare += [] if text else [name]
     for name, what in sorted(classes.items()):
@@ -64,6 +87,7 @@ def reference(module):
                 lines += ["", f"`{key}`: {text}"]
             elif callable(member):
                 calls, text = signature_and_text(key, member)
+                calls = stub.get(f"{name}.{key}", calls)
                 calls = [c.replace("__init__(", f"{name}(", 1).removesuffix(" -> None") for c in calls]
                 lines += ["", shown(calls), "", text]
             else:

@@ -117,9 +117,11 @@ class CppReference(unittest.TestCase):
 
 
 class PythonReference(unittest.TestCase):
-    def page(self, text):
+    def page(self, text, stub=None):
         with tempfile.TemporaryDirectory() as folder:
             Path(folder, "toothprep.py").write_text(text, encoding="utf-8")
+            if stub:
+                Path(folder, "toothprep.pyi").write_text(stub, encoding="utf-8")
             return python_reference.python_reference(folder)
 
     def test_functions_and_classes_stand_with_their_docstrings(self):
@@ -128,6 +130,14 @@ class PythonReference(unittest.TestCase):
         self.assertEqual(faults, [])
         for part in ("All.", "## load", "load(path: str) -> int", "Loads.", "## class Tooth", "save(path)", "Saves."):
             self.assertIn(part, page)
+
+    def test_signatures_are_the_stubs_where_there_are_some(self):
+        page, faults = self.page('"""All."""\ndef load(*args):\n    """Loads."""\n',
+                                 "_Path = str\ndef load(path: _Path, *, fast: bool = ...) -> int: ...\n")
+        self.assertEqual(faults, [])
+        self.assertIn("load(path: _Path, *, fast: bool=...) -> int", page)
+        self.assertIn("_Path = str", page)
+        self.assertNotIn("*args", page)
 
     def test_a_name_without_a_docstring_is_a_fault(self):
         self.assertEqual(self.page('"""All."""\nclass Tooth:\n    """A tooth."""\n    def save(self): pass\n')[1],
