@@ -21,18 +21,19 @@
 
 namespace toothprep::reference {
 
-struct SteadyLoad {
-  double against;  // N, opposite to the feed
-  double across;   // N
-  double torque;   // N·mm
+struct SteadyLoad {  // of a bur that feeds steadily, fully in one tissue
+  double against;    // N, opposite to the feed
+  double across;     // N
+  double torque;     // N·mm
 };
 
-struct Grinding {
+struct Grinding {          // of that tissue
   double specific_energy;  // u, N/mm²
   double force_ratio;      // alpha
   double rotation_rate;    // N, rev/s
 };
 
+// radius and length in mm, speed in mm/s; the equations stand in data/physics.md.
 SteadyLoad cylinder_side_feed(const Grinding& g, double radius, double length, double speed);
 SteadyLoad ball_side_feed(const Grinding& g, double radius, double speed);
 SteadyLoad flat_end_plunge(const Grinding& g, double radius, double speed);
@@ -64,8 +65,8 @@ std::optional<OperatingPoint> droop_imposed_torque(double idle_rate, double stal
 // The same for a cylinder pressed into tissue with `against` newtons against its feed:
 //   T = 4 alpha R / pi · F,  v = 4 alpha N F / (u L). The feed is greatest at T = tau_s / 2.
 struct FeedUnderForce {
-  OperatingPoint point;
-  double speed;  // mm/s
+  OperatingPoint point;  // where the turbine runs
+  double speed;          // mm/s
 };
 // g.rotation_rate is the idle rate N0.
 std::optional<FeedUnderForce> droop_cylinder_under_force(const Grinding& g, double stall_torque,

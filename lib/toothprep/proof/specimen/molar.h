@@ -18,7 +18,7 @@ ToothSample sample_molar(const Vec3& x);
 // A box that holds the whole tooth, mm.
 Box molar_bounds();
 
-struct MolarOptions {
+struct MolarOptions {  // its size is fixed
   double voxel = 0.1;  // mm
 };
 

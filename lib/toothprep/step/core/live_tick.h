@@ -22,7 +22,7 @@ enum LiveFlag : std::uint32_t {
   kHandleHeld = 64,       // the clutch: the handle did not follow the hand
 };
 
-struct LiveTick {
+struct LiveTick {  // a tick of a live session, with the step that it made
   StepRecord row;  // its time is (number of steps) * time step: what a replay steps through
 
   // The device's side.
@@ -31,12 +31,12 @@ struct LiveTick {
   std::int32_t missed = 0;                     // periods without a tick before this one
   Vec3 device_position = Vec3::Zero();         // mm, D, as read
   Quat device_orientation = Quat::Identity();  // stylus to D
-  std::uint32_t device_buttons = 0;
-  bool has_mirror = false;  // the second device's pose, in its own frame D
-  Vec3 mirror_position = Vec3::Zero();
-  Quat mirror_orientation = Quat::Identity();
-  std::uint32_t mirror_buttons = 0;
-  Vec3 commanded_force = Vec3::Zero();  // N, D: after all limits, what the client returned
+  std::uint32_t device_buttons = 0;            // bits
+  bool has_mirror = false;                     // the second device's pose, in its own frame D
+  Vec3 mirror_position = Vec3::Zero();         // mm
+  Quat mirror_orientation = Quat::Identity();  // stylus to D
+  std::uint32_t mirror_buttons = 0;            // bits
+  Vec3 commanded_force = Vec3::Zero();         // N, D: after all limits, what the client returned
   Vec3 sent_force =
       Vec3::Zero();         // N, D: what the device says that it sent in the tick before this
   double force_scale = 0;   // of the device's ramp, in this tick

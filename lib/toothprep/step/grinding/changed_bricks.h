@@ -10,10 +10,10 @@
 
 namespace toothprep {
 
-class ChangedBricks {
+class ChangedBricks {  // each at most once in the queue; for one thread
  public:
   ChangedBricks() = default;
-  explicit ChangedBricks(std::size_t bricks) : waits_(bricks, 0), queue_(bricks) {}
+  explicit ChangedBricks(std::size_t bricks) : waits_(bricks, 0), queue_(bricks) {}  // of a grid
 
   // The brick's values are about to change, or have just changed.
   void mark(std::size_t brick) noexcept {

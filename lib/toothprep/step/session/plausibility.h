@@ -28,7 +28,7 @@
 
 namespace toothprep {
 
-enum class Implausible {
+enum class Implausible {  // see the table above
   kTimeStep,
   kPosition,
   kExtent,
@@ -45,8 +45,8 @@ enum class Implausible {
 
 const char* name_of(Implausible what);  // as in the table: "time_step", ...
 
-struct Finding {
-  Implausible what;
+struct Finding {      // one thing that can't be meant
+  Implausible what;   // the row of the table
   double value = 0;   // in the unit of the limit
   std::string text;   // what is odd, with its place
   std::string cause;  // the likely one
@@ -58,7 +58,7 @@ std::string message_of(const Finding& finding);
 // Of a motion as it was recorded (before it was resampled). In the order of the table.
 std::vector<Finding> judge_motion(const std::vector<HandleSample>& recorded);
 
-std::vector<Finding> judge_parameters(const Parameters& parameters);
+std::vector<Finding> judge_parameters(const Parameters& parameters);  // the same of parameters
 
 // The energy audit: the torque's work over the energy of what was removed. Sound for a ratio of 0.9
 // to 1.1 with the level-set engine, 0.9 to 1.8 with the voxel engine (its cavity is a voxel too
@@ -66,12 +66,12 @@ std::vector<Finding> judge_parameters(const Parameters& parameters);
 // 0.1 mJ), if what was removed has u = 0, or if the parameters ask for a reading of the model in
 // which work and removal need not agree.
 struct Audit {
-  enum class Verdict { kNotJudged, kWithin, kOutside };
-  Verdict verdict = Verdict::kNotJudged;
-  double work = 0, removed_energy = 0;  // mJ
-  double ratio = 0;                     // NaN without removed energy
-  double low = 0, high = 0;
-  std::string why_not_judged;
+  enum class Verdict { kNotJudged, kWithin, kOutside };  // of the ratio
+  Verdict verdict = Verdict::kNotJudged;                 // see why_not_judged
+  double work = 0, removed_energy = 0;                   // mJ
+  double ratio = 0;                                      // NaN without removed energy
+  double low = 0, high = 0;                              // the ratio's limits
+  std::string why_not_judged;                            // empty if it was
 };
 
 const char* name_of(Audit::Verdict verdict);  // "not judged", "within", "outside"

@@ -28,31 +28,31 @@
 
 namespace toothprep {
 
-struct CoupledOptions {
-  int most_iterations = 25;
+struct CoupledOptions {      // of the iteration
+  int most_iterations = 25;  // then it counts as not converging
   double tolerance = 1e-4;   // relative change of u and alpha that counts as none
   double difference = 0.02;  // of the logarithms, for the derivatives
 };
 
 // u and alpha that an iteration began with.
 struct CoupledIteration {
-  PerTissue<GrindingProperties> tissue;
-  double misfit = 0;  // N, mean size of the residuals
-  double change = 0;  // relative, that the fit then asked for
+  PerTissue<GrindingProperties> tissue;  // u in N/mm²
+  double misfit = 0;                     // N, mean size of the residuals
+  double change = 0;                     // relative, that the fit then asked for
 };
 
 // To be moved, not copied: the recordings refer to the bases.
 struct CoupledFit {
   CoupledFit() = default;
-  CoupledFit(CoupledFit&&) = default;
-  CoupledFit& operator=(CoupledFit&&) = default;
+  CoupledFit(CoupledFit&&) = default;             // bases keep their place
+  CoupledFit& operator=(CoupledFit&&) = default;  // the same
 
-  FitResult fit;
-  std::vector<CoupledIteration> iterations;
+  FitResult fit;                             // of the last iteration
+  std::vector<CoupledIteration> iterations;  // all of them
   std::deque<ForceBasis> bases;  // linearised at the result; the recordings refer to them
-  std::vector<ComparedRecording> recordings;
-  std::vector<RecordedMotion> bur;  // where the bur went
-  double stalled = 0;               // s, of the replays at the result
+  std::vector<ComparedRecording> recordings;  // one per file
+  std::vector<RecordedMotion> bur;            // where the bur went
+  double stalled = 0;                         // s, of the replays at the result
 };
 
 // The handle's motions (samples at parameters.time_step) beside their recordings. `progress` is

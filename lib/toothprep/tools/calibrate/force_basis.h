@@ -21,7 +21,7 @@
 
 namespace toothprep {
 
-struct TissueColumns {
+struct TissueColumns {  // of one tissue, a column per sample
   // Rows 0-2 tangential (times u), 3-5 normal (times u/alpha): force on the bur in W, N per N/mm²,
   // at the rotation rate of the parameters. No columns at all if the tissue was never touched.
   Eigen::Matrix<double, 6, Eigen::Dynamic> force;
@@ -38,17 +38,17 @@ struct SpindleRecord {
 
 // A recorded motion at the step rate.
 struct RecordedMotion {
-  std::vector<HandleSample> path;
-  SpindleRecord spindle;
+  std::vector<HandleSample> path;  // at the step rate
+  SpindleRecord spindle;           // a value per sample, or empty
 };
 
 // Sample i is the force of the step that ends at start + i * step.
 struct ForceBasis {
-  double start = 0, step = 0;  // s
-  std::size_t size = 0;
-  double rotation_rate = 0;  // N, rev/s, that u is for; with a recorded speed: of the parameters
-  bool speed_recorded = false;
-  PerTissue<TissueColumns> tissue;
+  double start = 0, step = 0;   // s
+  std::size_t size = 0;         // samples
+  double rotation_rate = 0;     // N, rev/s, that u is for; with a recorded speed: of the parameters
+  bool speed_recorded = false;  // the basis is divided by N(t)
+  PerTissue<TissueColumns> tissue;  // per tissue
   // Force that no parameter scales, W, N: of a replay that was linearised (coupled.h). Else empty.
   Eigen::Matrix3Xd offset;
   std::vector<float> area;     // advancing contact, mm²
@@ -57,7 +57,7 @@ struct ForceBasis {
   double initial_overlap = 0;  // mm³, inside the bur at the first sample
   double shank_contact = 0;    // s, looked at every 10th step: the shank's force is not modelled
 
-  bool touched(int k) const { return tissue[k].force.cols() > 0; }
+  bool touched(int k) const { return tissue[k].force.cols() > 0; }  // tissue index
 };
 
 // The force on the bur at sample i for given u and alpha, W, N; and the spindle's torque, N·mm.

@@ -27,33 +27,33 @@
 
 namespace toothprep {
 
-constexpr int kDelay = 2 * kTissueCount, kRotation = kDelay + 1, kWeight = kRotation + 3;
-constexpr int kLowpass = kWeight + 3;
+constexpr int kDelay = 2 * kTissueCount, kRotation = kDelay + 1, kWeight = kRotation + 3;  // places
+constexpr int kLowpass = kWeight + 3;                                                      // place
 constexpr int kShared = kLowpass + 1;     // of all recordings
 constexpr int kOwn = 6;                   // of each: bias, drift
 constexpr int kColumns = kShared + kOwn;  // of the Jacobian of a sample
 
-enum class TissueMode { kOff, kHeld, kTied, kFree };
-enum class RobustLoss { kNone, kHuber, kCauchy };
+enum class TissueMode { kOff, kHeld, kTied, kFree };  // of a tissue's u and alpha in a fit
+enum class RobustLoss { kNone, kHuber, kCauchy };     // on residuals
 
 // One recording beside its basis, ready to be compared. References the basis.
 struct ComparedRecording {
-  std::string name;
-  const ForceBasis* basis = nullptr;
+  std::string name;                   // of the recording
+  const ForceBasis* basis = nullptr;  // of the same motion
   // Where there is a low-pass: the basis after it, and that by its time constant (per s).
   PerTissue<Eigen::Matrix<double, 6, Eigen::Dynamic>> filtered, slope;
-  Eigen::Matrix3Xd filtered_offset, offset_slope;
-  std::vector<double> time;  // of the samples that count, s
-  std::vector<Vec3> force;   // measured, N, sensor
-  std::vector<Quat> frame;   // C; empty: none
-  double middle = 0;         // t_mid
-  double sigma = 1;          // N, noise per axis
-  std::size_t stalled = 0;   // samples left out since the bur stood still
+  Eigen::Matrix3Xd filtered_offset, offset_slope;  // the same of the offset
+  std::vector<double> time;                        // of the samples that count, s
+  std::vector<Vec3> force;                         // measured, N, sensor
+  std::vector<Quat> frame;                         // C; empty: none
+  double middle = 0;                               // t_mid
+  double sigma = 1;                                // N, noise per axis
+  std::size_t stalled = 0;                         // samples left out since the bur stood still
 
-  const Eigen::Matrix<double, 6, Eigen::Dynamic>& columns(int k) const {
+  const Eigen::Matrix<double, 6, Eigen::Dynamic>& columns(int k) const {  // in use
     return filtered[k].cols() > 0 ? filtered[k] : basis->tissue[k].force;
   }
-  const Eigen::Matrix3Xd& offset() const {
+  const Eigen::Matrix3Xd& offset() const {  // in use
     return filtered_offset.cols() > 0 ? filtered_offset : basis->offset;
   }
 };
@@ -68,28 +68,28 @@ ComparedRecording compare(const MeasuredRecording& recording, const ForceBasis& 
 // that is to be estimated.
 void set_lowpass(ComparedRecording& recording, double time_constant, bool with_slope);
 
-struct Chunk {
-  int recording = 0;
+struct Chunk {                     // a run of samples
+  int recording = 0;               // its number
   std::size_t begin = 0, end = 0;  // of its samples
 };
 // Pieces of about `length` s, none across a gap between recordings.
 std::vector<Chunk> chunks_of(const std::vector<ComparedRecording>& recordings, double length);
 
-struct ModelState {
-  PerTissue<TissueMode> mode{};
-  PerTissue<double> tied_ratio{};  // alpha0
-  RobustLoss loss = RobustLoss::kHuber;
-  std::vector<int> columns;  // of the Jacobian that sums are wanted of; empty: all
-  Eigen::Matrix<double, kShared, 1> shared = Eigen::Matrix<double, kShared, 1>::Zero();
+struct ModelState {                      // what the residuals depend on
+  PerTissue<TissueMode> mode{};          // per tissue
+  PerTissue<double> tied_ratio{};        // alpha0
+  RobustLoss loss = RobustLoss::kHuber;  // on the residuals
+  std::vector<int> columns;              // of the Jacobian that sums are wanted of; empty: all
+  Eigen::Matrix<double, kShared, 1> shared = Eigen::Matrix<double, kShared, 1>::Zero();  // of all
   std::vector<Eigen::Matrix<double, kOwn, 1>> own;  // per recording
 };
 
 // The loss on a residual r in units of its standard deviation: rho(r), its derivative psi, and
 // psi'.
 struct LossAt {
-  double rho, psi, slope;
+  double rho, psi, slope;  // see above
 };
-LossAt loss_at(RobustLoss loss, double r);
+LossAt loss_at(RobustLoss loss, double r);  // r in standard deviations
 
 // Beyond, a residual is taken for an outlier where it has to be in or out.
 constexpr double kOutlierSigmas = 5;
@@ -101,10 +101,11 @@ enum class Weighting {
   kSlope,        // psi' J J^T, psi J, rho
   kInliers       // J J^T, J r, r^2 of the residuals within kOutlierSigmas only
 };
-struct NormalSums {
+struct NormalSums {  // over one chunk
+  // H: J J^T.
   Eigen::Matrix<double, kColumns, kColumns> H = Eigen::Matrix<double, kColumns, kColumns>::Zero();
-  Eigen::Matrix<double, kColumns, 1> g = Eigen::Matrix<double, kColumns, 1>::Zero();
-  double cost = 0;
+  Eigen::Matrix<double, kColumns, 1> g = Eigen::Matrix<double, kColumns, 1>::Zero();  // J r
+  double cost = 0;                                                                    // sum of rho
   double weight = 0;     // of the residuals
   std::size_t rows = 0;  // residuals
 };

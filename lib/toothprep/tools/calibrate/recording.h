@@ -23,14 +23,14 @@ struct ForceReading {
 // (of a coupled rig).
 enum class RecordedPose { kBurOrHandle, kHandle };
 
-struct MeasuredRecording {
-  std::string name;
+struct MeasuredRecording {   // one file, in internal units
+  std::string name;          // of the file
   Trajectory motion;         // measured_force in N, of the tooth on the bur
   std::vector<char> usable;  // per sample: inside the sensor's range
   // Where the file has them, a value per sample.
   std::vector<double> rotation_rate;  // rev/s
   std::vector<double> torque;         // N·mm
-  std::vector<char> stalled;
+  std::vector<char> stalled;          // 0 or 1
   // Empty if the file doesn't say.
   std::string tooth_sha256, bur, parameters_toml;
 };

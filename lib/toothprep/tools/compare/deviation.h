@@ -29,25 +29,25 @@
 
 namespace toothprep {
 
-struct DeviationOptions {
+struct DeviationOptions {       // mm
   double cut_tolerance_mm = 0;  // 0: cut_tolerance() of the original's lattice
   double bin_mm = 0.02;         // of the histogram
   double most_mm = 2;           // the histogram's ends, at most
 };
 
-struct DeviationBin {
-  double from_mm = 0, to_mm = 0, area_mm2 = 0;
+struct DeviationBin {                           // of the histogram
+  double from_mm = 0, to_mm = 0, area_mm2 = 0;  // half-open
 };
 
-struct Deviation {
+struct Deviation {                // by area, over the region that either cut touched
   std::vector<float> per_vertex;  // mm, of the prepared surface; NaN outside the region
   double area_mm2 = 0;            // of the region
-  double mean_mm = 0, rms_mm = 0, p95_mm = 0;
-  double least_mm = 0, most_mm = 0;             // the deepest over- and the largest under-cut
-  double to_target_mm = 0, to_prepared_mm = 0;  // the two directed Hausdorff distances
-  double hausdorff_mm = 0;                      // the larger
-  Vec3 worst = Vec3::Zero();                    // W: where it is
-  double share_within_0_1 = 0, share_within_0_2 = 0;
+  double mean_mm = 0, rms_mm = 0, p95_mm = 0;         // p95: of |deviation|
+  double least_mm = 0, most_mm = 0;                   // the deepest over- and the largest under-cut
+  double to_target_mm = 0, to_prepared_mm = 0;        // the two directed Hausdorff distances
+  double hausdorff_mm = 0;                            // the larger
+  Vec3 worst = Vec3::Zero();                          // W: where it is
+  double share_within_0_1 = 0, share_within_0_2 = 0;  // of the area, mm
   // Equal bins symmetric about 0 that hold all of the region; what lies beyond
   // DeviationOptions::most_mm is in the outermost ones.
   std::vector<DeviationBin> histogram;

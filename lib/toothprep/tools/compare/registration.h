@@ -31,26 +31,26 @@
 
 namespace toothprep {
 
-struct RegistrationOptions {
-  int points = 8000;         // of the moving surface, in the last refinement
-  int most_iterations = 50;  // of each refinement
-  double agree_mm = 0.2;     // what counts as agreeing
-  double sharp_mm = 0.05;
-  double least_share = 0.5;
-  double least_share_if_sharp = 0.25;
+struct RegistrationOptions {           // the defaults suit teeth
+  int points = 8000;                   // of the moving surface, in the last refinement
+  int most_iterations = 50;            // of each refinement
+  double agree_mm = 0.2;               // what counts as agreeing
+  double sharp_mm = 0.05;              // residual that counts as sharp
+  double least_share = 0.5;            // of the area that has to agree
+  double least_share_if_sharp = 0.25;  // the same where the residual is sharp
 };
 
-struct SurfaceRegistration {
-  Pose motion;                 // takes the moving tooth's frame to the fixed one's
-  double angle_deg = 0;        // how far it turns
-  double shift_mm = 0;         // how far it moves the moving surface's centroid
-  double residual_rms_mm = 0;  // point to plane, over the inliers
-  double residual_p95_mm = 0;  // 95 % of the inliers' |distance|
-  double inlier_share = 0;     // of the area: weight above zero in the last step
-  double agreeing_share = 0;   // of the area within agree_mm
-  int iterations = 0;          // of the last refinement
-  bool converged = false;      // its last step was below 1e-5 mm and 1e-6 rad
-  std::vector<std::string> notes;
+struct SurfaceRegistration {       // where the moving tooth belongs
+  Pose motion;                     // takes the moving tooth's frame to the fixed one's
+  double angle_deg = 0;            // how far it turns
+  double shift_mm = 0;             // how far it moves the moving surface's centroid
+  double residual_rms_mm = 0;      // point to plane, over the inliers
+  double residual_p95_mm = 0;      // 95 % of the inliers' |distance|
+  double inlier_share = 0;         // of the area: weight above zero in the last step
+  double agreeing_share = 0;       // of the area within agree_mm
+  int iterations = 0;              // of the last refinement
+  bool converged = false;          // its last step was below 1e-5 mm and 1e-6 rad
+  std::vector<std::string> notes;  // what a reader must know
 };
 
 // Throws InputError (of the moving file) if the teeth don't match, Error for an empty surface.

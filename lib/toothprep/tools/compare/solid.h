@@ -15,11 +15,11 @@
 
 namespace toothprep {
 
-struct Solid {
-  std::string file;    // where it came from, for messages
-  std::string sha256;  // of the tooth (tooth_sha256) or of the mesh file
-  LayeredTooth tooth;
-  TriangleMesh surface;
+struct Solid {                        // a tooth or a mesh as something to compare
+  std::string file;                   // where it came from, for messages
+  std::string sha256;                 // of the tooth (tooth_sha256) or of the mesh file
+  LayeredTooth tooth;                 // its voxels
+  TriangleMesh surface;               // mm, W
   bool layered = true;                // has tissues of its own; a mesh is `other` throughout
   std::vector<std::string> warnings;  // of reading a tooth file (read_tooth_with_warnings)
 
@@ -54,6 +54,6 @@ bool is_identity(const Pose& motion);
 // space, still closed.
 TriangleMesh with_short_edges(TriangleMesh surface, double longest);
 
-TriangleMesh moved(TriangleMesh surface, const Pose& motion);
+TriangleMesh moved(TriangleMesh surface, const Pose& motion);  // every vertex by `motion`
 
 }  // namespace toothprep

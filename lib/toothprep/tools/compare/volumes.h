@@ -29,12 +29,12 @@
 
 namespace toothprep {
 
-struct TissueVolumes {
+struct TissueVolumes {         // of one region
   double total = 0;            // mm³
   PerTissue<double> tissue{};  // mm³; sums to the total but for voxels without a label near them
 };
 
-struct VolumeComparison {
+struct VolumeComparison {            // original against prepared, and target
   TissueVolumes original, prepared;  // what is there
   TissueVolumes removed;             // tissue `other` (a neighbour, say): damage to it
   double added_mm3 = 0;              // prepared, but not in the original
@@ -42,9 +42,9 @@ struct VolumeComparison {
 
   // With a target only.
   bool has_target = false;
-  TissueVolumes required, inside, over, under;
-  double dice = 0;  // NaN if nothing was removed and nothing required
-  PerTissue<double> tissue_dice{};
+  TissueVolumes required, inside, over, under;  // of the target: DEFINITIONS.md
+  double dice = 0;                              // NaN if nothing was removed and nothing required
+  PerTissue<double> tissue_dice{};              // the same per tissue
 };
 
 // `prepared` and `target` are on the original's lattice. Throws InputError, naming the file, for

@@ -6,7 +6,7 @@
 
 namespace toothprep {
 
-enum class DeviceFault {
+enum class DeviceFault {  // what can go wrong; `Final` ones end the session
   kNone,
   // Transient.
   kBadReading,        // the driver gave a position that isn't finite
@@ -25,9 +25,9 @@ enum class DeviceFault {
   kUnplugged       // the driver doesn't know the device any more
 };
 
-enum class FaultSeverity { kNone, kTransient, kFinal };
+enum class FaultSeverity { kNone, kTransient, kFinal };  // of a fault
 
-FaultSeverity severity_of(DeviceFault fault) noexcept;
+FaultSeverity severity_of(DeviceFault fault) noexcept;  // by the list above
 
 // One line for the user: what happened and what to do. Static text.
 const char* describe(DeviceFault fault) noexcept;

@@ -10,7 +10,7 @@
 
 namespace toothprep {
 
-struct OpenHapticsSettings {
+struct OpenHapticsSettings {               // which device, and how it is run
   std::string name;                        // as configured in the driver; empty: its default device
   std::optional<std::string> mirror_name;  // a second device: read only, no force
   std::string library;                     // empty: as load_libhd() finds it

@@ -18,7 +18,7 @@
 
 namespace toothprep {
 
-class Servo {
+class Servo {  // one per device; a back end owns it
  public:
   // Throws Error unless max_force and period are finite and > 0 and ramp is finite and >= 0.
   Servo(double max_force, double period, double ramp);
@@ -42,7 +42,7 @@ class Servo {
   // Once there are no more ticks and the motors are off.
   void closed() noexcept;
 
-  bool running() const noexcept { return state_ == ServoState::kRunning; }
+  bool running() const noexcept { return state_ == ServoState::kRunning; }  // after open()
   // Whether a ramp begins with this tick, so that the driver can be made to allow forces again.
   bool recovering() const noexcept { return recovering_; }
   bool in_tick_on_this_thread() const noexcept;

@@ -32,21 +32,21 @@
 
 namespace toothprep {
 
-struct ForceLimits {
-  double period = 1e-3;
-  double max_force = 3.3;
-  double max_force_rate = 3000;
-  double continuous_force = 0.88;
-  double thermal_time = 10;
-  double ramp = 0.25;            // s
-  double vibration_limit = 1.0;  // N rms above 20 Hz; infinity: no watch
-  double vibration_time = 0.05;  // s
+struct ForceLimits {               // see the table above
+  double period = 1e-3;            // T, s
+  double max_force = 3.3;          // F_max, N
+  double max_force_rate = 3000;    // R, N/s
+  double continuous_force = 0.88;  // F_cont, N
+  double thermal_time = 10;        // tau, s
+  double ramp = 0.25;              // s
+  double vibration_limit = 1.0;    // N rms above 20 Hz; infinity: no watch
+  double vibration_time = 0.05;    // s
 };
 
 // Throws Error that names the first violated condition.
 void validate(const ForceLimits& limits);
 
-class ForceGovernor {
+class ForceGovernor {  // of one device's force
  public:
   explicit ForceGovernor(const ForceLimits& limits);  // throws as validate()
 

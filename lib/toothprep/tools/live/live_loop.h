@@ -26,7 +26,7 @@ namespace toothprep {
 class TickSink {
  public:
   virtual ~TickSink() = default;
-  virtual void take(const LiveTick& tick) noexcept = 0;
+  virtual void take(const LiveTick& tick) noexcept = 0;  // in order, on the servo's thread
 };
 
 // Which button does what, as a mask of DevicePose::buttons; 0: none.
@@ -35,7 +35,7 @@ struct LiveButtons {
   std::uint32_t clutch = 0;  // while held the handle stays where it is
 };
 
-class LiveLoop final : public ServoClient {
+class LiveLoop final : public ServoClient {  // what the device calls in a session
  public:
   // `sink` may be nullptr. Throws Error as ForceGovernor does.
   LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink);
@@ -53,7 +53,7 @@ class LiveLoop final : public ServoClient {
   // After the device has stopped: removes what is still due and hands on the last tick.
   void finish() noexcept;
 
-  LiveStatus status() const noexcept { return status_.read(); }
+  LiveStatus status() const noexcept { return status_.read(); }  // from any thread
 
  private:
   enum class Phase { kWaiting, kBeginning, kRunning };

@@ -14,10 +14,10 @@
 
 namespace toothprep {
 
-struct Registration {
-  Quat rotation = Quat::Identity();
-  std::optional<Vec3> translation;
-  Quat stylus_to_bur = Quat::Identity();
+struct Registration {                     // R, t and S of the equations above
+  Quat rotation = Quat::Identity();       // R
+  std::optional<Vec3> translation;        // t, mm; empty: laid at the start
+  Quat stylus_to_bur = Quat::Identity();  // S
   std::optional<Quat> fixed_orientation;  // W
 };
 
@@ -32,15 +32,15 @@ class HandleFrame {
   // registration has no translation).
   HandleFrame(const Registration& registration, const Vec3& device_start, const Vec3& at_start);
 
-  Pose to_world(const Vec3& position, const Quat& orientation) const noexcept;
-  Vec3 force_to_device(const Vec3& force) const noexcept;  // W to D
-  Vec3 to_device(const Vec3& world) const noexcept;        // mm
+  Pose to_world(const Vec3& position, const Quat& orientation) const noexcept;  // mm, D
+  Vec3 force_to_device(const Vec3& force) const noexcept;                       // W to D
+  Vec3 to_device(const Vec3& world) const noexcept;                             // mm
 
   // While held, the handle stays where it is; on release it goes on from there.
   void hold(const Vec3& device_position) noexcept;
   void release(const Vec3& device_position) noexcept;
 
-  Pose device_to_world() const noexcept { return {translation_, rotation_}; }
+  Pose device_to_world() const noexcept { return {translation_, rotation_}; }  // x_W = t + R x_D
 
  private:
   Quat rotation_, stylus_to_bur_;

@@ -13,7 +13,7 @@ namespace toothprep {
 
 // For the status line; each figure is whole, together they may be of two ticks.
 struct LiveStatus {
-  std::int64_t steps = 0;
+  std::int64_t steps = 0;                 // of the session
   double force = 0;                       // N, commanded
   double lag = 0;                         // mm, bur behind the handle
   double torque = 0;                      // N·mm
@@ -24,8 +24,9 @@ struct LiveStatus {
   double longest_step = 0;                // s of CPU time
 };
 
-class StatusBoard {
+class StatusBoard {  // written by the servo's thread, read by any
  public:
+  // Once a tick, on the servo's thread.
   void write(const LiveTick& tick, std::int64_t steps, const ForceGovernor& governor) noexcept {
     steps_.store(steps, kRelaxed);
     force_.store(tick.commanded_force.norm(), kRelaxed);
@@ -40,7 +41,7 @@ class StatusBoard {
     longest_.store(std::max(longest_.load(kRelaxed), tick.step_seconds), kRelaxed);
   }
 
-  LiveStatus read() const noexcept {
+  LiveStatus read() const noexcept {  // from any thread
     LiveStatus s;
     s.steps = steps_.load(kRelaxed);
     s.force = force_.load(kRelaxed);

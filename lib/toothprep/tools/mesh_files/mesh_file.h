@@ -10,7 +10,7 @@
 
 namespace toothprep {
 
-struct MeshFile {
+struct MeshFile {                      // as the file has it, unchecked
   std::string format;                  // "stl, binary", "ply, ascii", "obj", ...
   std::vector<Vec3> points;            // STL repeats them: three per triangle
   std::vector<std::uint32_t> corners;  // points of one face after the other, counted from 0

@@ -29,11 +29,12 @@
 
 namespace toothprep {
 
-enum class PreparationType { kCrown, kClass1, kClass2 };
+enum class PreparationType { kCrown, kClass1, kClass2 };  // G. V. Black's classes
+// Their names in files and options.
 constexpr std::array<std::string_view, 3> kPreparationTypes = {"crown", "class1", "class2"};
 
-struct PreparationOptions {
-  PreparationType type = PreparationType::kClass1;
+struct PreparationOptions {                         // what is measured, and from where
+  PreparationType type = PreparationType::kClass1;  // what figures there are
   // Directions in W, any length. What isn't given is read from the original's metadata
   // (`axis_occlusal`, `axis_mesial`, `axis_buccal`: "x y z"), or else found from the cut.
   std::optional<Vec3> occlusal, mesial, buccal;
@@ -50,22 +51,22 @@ struct PreparationOptions {
 PreparationType guess_type(const LayeredTooth& original, const LayeredTooth& prepared,
                            const TriangleMesh& surface, const PreparationOptions& options);
 
-struct PreparationFrame {
+struct PreparationFrame {      // the form's own directions
   Vec3 origin = Vec3::Zero();  // mm, W: the middle of the cut surface
   Vec3 u = Vec3::UnitX(), v = Vec3::UnitY(), d = Vec3::UnitZ();  // unit, W
   std::string axis_source;   // of d: "given", "recorded" or "found"
   bool sides_known = false;  // u is mesial and v buccal, not just u and v
 
-  double along_u(const Vec3& x) const { return (x - origin).dot(u); }
-  double along_v(const Vec3& x) const { return (x - origin).dot(v); }
-  double height(const Vec3& x) const { return (x - origin).dot(d); }
+  double along_u(const Vec3& x) const { return (x - origin).dot(u); }  // mm, of a place in W
+  double along_v(const Vec3& x) const { return (x - origin).dot(v); }  // the same
+  double height(const Vec3& x) const { return (x - origin).dot(d); }   // the same, along d
 };
 
-struct Preparation {
-  Quantities quantities;
-  std::vector<Section> sections;
-  std::vector<std::string> notes;  // what a reader must know of the figures
-  PreparationFrame frame;
+struct Preparation {                                      // all that was measured
+  Quantities quantities;                                  // keys as in score.json
+  std::vector<Section> sections;                          // for drawings
+  std::vector<std::string> notes;                         // what a reader must know of the figures
+  PreparationFrame frame;                                 // in which it was measured
   Vec3 path_of_draw = Vec3::UnitZ();                      // unit, W: the best path found
   std::vector<std::uint32_t> undercut_triangles;          // of the prepared surface given
   std::optional<Vec3> deepest_undercut, thinnest_dentin;  // mm, W: places

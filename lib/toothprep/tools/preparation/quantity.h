@@ -13,15 +13,15 @@ namespace toothprep {
 // tables ("mm", "mm^3", "deg", "1", "s", "N", "count" for what is counted, "yes/no" for what is 0
 // or 1).
 struct Quantity {
-  std::string key;
-  double value = 0;
+  std::string key;           // as in score.json
+  double value = 0;          // in `unit`
   double uncertainty = NAN;  // half width of the 95 % interval; NaN: not stated
-  std::string unit;
+  std::string unit;          // as above
 };
 
 // In the order in which they are reported; keys are unique.
 using Quantities = std::vector<Quantity>;
-
+// The one of that key, or nullptr.
 inline const Quantity* find_quantity(const Quantities& quantities, const std::string& key) {
   for (const Quantity& q : quantities)
     if (q.key == key) return &q;

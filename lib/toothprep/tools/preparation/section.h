@@ -10,12 +10,12 @@
 
 namespace toothprep {
 
-using Vec2 = Eigen::Vector2d;
+using Vec2 = Eigen::Vector2d;  // in a section's plane, mm
 
 // An outline in the section's plane, mm. Closed ones don't repeat their first point.
 struct Outline {
-  std::vector<Vec2> points;
-  bool closed = false;
+  std::vector<Vec2> points;  // mm
+  bool closed = false;       // the last point joins the first
 };
 
 // A straight line fitted to a wall or floor, or a dimension between two points, with what to write.
@@ -25,13 +25,13 @@ struct SectionMark {
   bool dimension = false;                       // a distance (drawn with ticks), not a fitted line
 };
 
-struct Section {
+struct Section {               // a plane through the tooth, with what it cuts
   std::string name;            // "buccolingual", ...
   Vec3 origin = Vec3::Zero();  // mm, W: where the plane's (0, 0) lies
   Vec3 right = Vec3::UnitX();  // unit, W: the plane's x
   Vec3 up = Vec3::UnitY();     // unit, W: the plane's y, towards the opening
   std::vector<Outline> original, prepared, target, pulp, dentin;  // any may be empty
-  std::vector<SectionMark> marks;
+  std::vector<SectionMark> marks;                                 // what was measured in it
 };
 
 // Where the plane of `section` cuts a surface: outlines in the plane's coordinates, closed for a

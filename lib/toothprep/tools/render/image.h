@@ -12,7 +12,7 @@
 
 namespace toothprep {
 
-struct Image {
+struct Image {    // what the renderer gives: colour and data, row by row
   Camera camera;  // with its width and height
   // Averaged over the pixel: red, green, blue (linear, times alpha) and alpha (covered share).
   std::vector<float> rgba;
@@ -22,15 +22,15 @@ struct Image {
   std::vector<float> tissue;     // a Tissue label; 0 in the background and where it isn't known
   std::vector<float> deviation;  // mm; NaN in the background and where it isn't known
 
-  int width() const { return camera.width; }
-  int height() const { return camera.height; }
-  std::size_t pixel(int x, int y) const {
+  int width() const { return camera.width; }    // pixels
+  int height() const { return camera.height; }  // pixels
+  std::size_t pixel(int x, int y) const {       // place in the arrays (rgba: times 4)
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
            static_cast<std::size_t>(x);
   }
 };
 
-Image empty_image(const Camera& camera);
+Image empty_image(const Camera& camera);  // background everywhere
 
 // Multi-channel OpenEXR with the channels R, G, B, A (half), Z, N.X, N.Y, N.Z, tissue.ID,
 // deviation.Y (float), ZIP. The same picture gives the same bytes. Attributes: toothprep:view
@@ -41,8 +41,8 @@ void write_exr(const Image& image, const std::string& path,
 
 // Finished 8-bit pixels: red, green, blue.
 struct Picture {
-  int width = 0, height = 0;
-  std::vector<std::uint8_t> rgb;
+  int width = 0, height = 0;      // pixels
+  std::vector<std::uint8_t> rgb;  // row by row from the top
 };
 
 // sRGB over a background (linear); highlights run softly into white.
@@ -51,7 +51,7 @@ Picture picture_of(const Image& image, const Colour& background = {0.58f, 0.62f,
 // Of one height, left to right.
 Picture side_by_side(const std::vector<Picture>& pictures);
 
-std::string png_bytes(const Picture& picture);
+std::string png_bytes(const Picture& picture);                    // a whole file
 void write_png(const Picture& picture, const std::string& path);  // throws Error
 
 }  // namespace toothprep

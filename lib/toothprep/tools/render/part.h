@@ -8,16 +8,16 @@
 
 namespace toothprep {
 
-enum class ColourBy { kTissue, kDeviation, kPlain };
+enum class ColourBy { kTissue, kDeviation, kPlain };  // what a part's colour shows
 
-struct RenderPart {
-  TriangleMesh mesh;
+struct RenderPart {   // one surface of a scene
+  TriangleMesh mesh;  // mm, W
   // Of the same surface, if there is one: gives smoother normals, sharper borders of tissues, and
   // tissues on a cut face. Must outlive the part.
   const LayeredTooth* tooth = nullptr;
   // Signed, per vertex, mm (positive: the surface stands out); NaN where unknown; may be empty.
   std::vector<float> deviation;
-  ColourBy colour = ColourBy::kTissue;
+  ColourBy colour = ColourBy::kTissue;  // default: tissues
   // How often normals are averaged with their neighbours' before shading (mesh_normals.h): meshes
   // from voxels or scanners need it; it bends the normals of an exact mesh by a tenth of a facet.
   int smoothing = 3;

@@ -19,7 +19,7 @@
 
 namespace toothprep {
 
-struct RenderOptions {
+struct RenderOptions {       // of one picture
   int samples = 4;           // colours are averaged over samples x samples per pixel; 1 to 16
   int ambient_rays = 96;     // per pixel
   double ambient_reach = 0;  // mm; 0: 0.3 of the scene's radius
@@ -30,13 +30,13 @@ struct RenderOptions {
   std::optional<CutPlane> cut = std::nullopt;
 };
 
-class Renderer {
+class Renderer {  // a scene; renders any number of pictures
  public:
   // Throws Error for parts without triangles, with a wrong number of tissues or deviations, with
   // coordinates that are not finite.
   explicit Renderer(std::vector<RenderPart> parts);
-  ~Renderer();
-  Renderer(Renderer&&) noexcept;
+  ~Renderer();                    // parts go with it
+  Renderer(Renderer&&) noexcept;  // what is left behind is empty
 
   std::vector<const TriangleMesh*> meshes() const;  // for fit_camera
   Vec3 middle() const;                              // of the meshes' box, mm, W

@@ -18,7 +18,7 @@
 
 namespace toothprep {
 
-struct ScanReadOptions {
+struct ScanReadOptions {  // where a file can't say so itself
   // mm; replaces the file's spacing and scales its origin along with it.
   std::optional<std::array<double, 3>> spacing_mm;
 
@@ -66,13 +66,13 @@ ImageVolume<std::uint16_t> read_label_image(const std::string& path, ScanReadOpt
 ImageVolume<std::uint16_t> read_label_image(
     const std::string& path, const std::optional<std::array<double, 3>>& spacing_mm = {});
 
-struct SeriesInfo {
-  int place = 0;              // in the list, 1 is the first
-  std::optional<int> number;  // DICOM's series number
-  std::string uid, description, modality;
-  int slices = 0, columns = 0, rows = 0;  // size of the first slice
+struct SeriesInfo {                        // of a DICOM folder
+  int place = 0;                           // in the list, 1 is the first
+  std::optional<int> number;               // DICOM's series number
+  std::string uid, description, modality;  // as DICOM has them
+  int slices = 0, columns = 0, rows = 0;   // size of the first slice
 
-  bool operator==(const SeriesInfo&) const = default;
+  bool operator==(const SeriesInfo&) const = default;  // all members
 };
 
 // The DICOM series in a folder, by series number, then UID. Throws InputError if there is none.

@@ -12,7 +12,7 @@
 
 namespace toothprep {
 
-class ScanSource {
+class ScanSource {  // a scan that is read slab by slab
  public:
   virtual ~ScanSource() = default;
   ScanSource(const ScanSource&) = delete;
@@ -37,7 +37,7 @@ class ScanSource {
 
  protected:
   ScanSource(std::string path, ImageFrame frame)
-      : path_(std::move(path)), frame_(std::move(frame)) {}
+      : path_(std::move(path)), frame_(std::move(frame)) {}  // of what derives from it
 
  private:
   std::string path_;

@@ -24,22 +24,22 @@
 
 namespace toothprep {
 
-struct ProcessOptions {
+struct ProcessOptions {       // limits of the figures
   double force_limit = 2.0;   // N: time above it; a convention
   double power_limit = 1000;  // N·mm/s (1 W): time above it; a convention
   double shortest_gap = 0.1;  // s: what is interrupted for less is one episode
 };
 
-enum class ProcessEventKind { kContact, kStall, kPulp, kNeighbour, kForceLimit };
+enum class ProcessEventKind { kContact, kStall, kPulp, kNeighbour, kForceLimit };  // what lasted
 const char* name_of(ProcessEventKind kind) noexcept;  // "contact", "stall", "pulp touched", ...
 
 // Something that lasted from `begin` to `end` (s), interruptions below the shortest gap included.
 struct ProcessEvent {
-  double begin = 0, end = 0;
-  ProcessEventKind kind = ProcessEventKind::kContact;
+  double begin = 0, end = 0;                           // s
+  ProcessEventKind kind = ProcessEventKind::kContact;  // which
 };
 
-struct ProcessFigures {
+struct ProcessFigures {              // of a recording
   Quantities quantities;             // keys "process.*"; those that would divide by 0 are absent
   std::vector<ProcessEvent> events;  // by their begin; of the same begin, in the order of the kinds
 };

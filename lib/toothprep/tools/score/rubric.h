@@ -21,30 +21,30 @@
 
 namespace toothprep {
 
-struct Range {
-  double low = -std::numeric_limits<double>::infinity();
-  double high = std::numeric_limits<double>::infinity();
-  bool contains(double x) const { return x >= low && x <= high; }
+struct Range {                                                     // closed
+  double low = -std::numeric_limits<double>::infinity();           // included
+  double high = std::numeric_limits<double>::infinity();           // included
+  bool contains(double x) const { return x >= low && x <= high; }  // ends included
 };
 
 // "1.5 to 2.0 mm", "at most 10°", "at least 4.00 mm", "no".
 std::string range_text(const Range& range, const std::string& unit);
 
-struct Criterion {
-  std::string key;  // of a quantity, or "group.*": every member, judged by the worst
-  std::string name, unit;
-  Range ideal, tolerated;
+struct Criterion {                 // one [[criterion]] of a rubric
+  std::string key;                 // of a quantity, or "group.*": every member, judged by the worst
+  std::string name, unit;          // as reports write them
+  Range ideal, tolerated;          // full points; points fall to 0 at its ends
   std::optional<Range> hard_fail;  // outside: the whole preparation fails
-  double weight = 1;
-  bool required = false;          // a missing quantity gives 0 points; else it isn't judged
-  std::string source;             // where the numbers come from
-  std::string too_low, too_high;  // what that means ("the cut is too deep"); may be empty
+  double weight = 1;               // points for `ideal`
+  bool required = false;           // a missing quantity gives 0 points; else it isn't judged
+  std::string source;              // where the numbers come from
+  std::string too_low, too_high;   // what that means ("the cut is too deep"); may be empty
 };
 
-struct Rubric {
-  std::string name, type, source;  // type: one of preparation_types()
-  double pass_points = 0;          // percent
-  std::vector<Criterion> criteria;
+struct Rubric {                     // a rubric file
+  std::string name, type, source;   // type: one of preparation_types()
+  double pass_points = 0;           // percent
+  std::vector<Criterion> criteria;  // in the file's order
 };
 
 const std::vector<std::string>& preparation_types();  // crown, class1, class2
@@ -56,32 +56,32 @@ const std::vector<std::string>& preparation_types();  // crown, class1, class2
 Rubric read_rubric(const std::string& path);
 Rubric parse_rubric(const std::string& toml, const std::string& where);
 
-enum class CriterionVerdict { kIdeal, kTolerated, kOutside, kNotJudged };
+enum class CriterionVerdict { kIdeal, kTolerated, kOutside, kNotJudged };  // where a value lies
 const char* name_of(CriterionVerdict verdict) noexcept;  // "ideal", ..., "not judged"
 
-struct CriterionResult {
-  Criterion criterion;
+struct CriterionResult {        // of one criterion
+  Criterion criterion;          // as the rubric has it
   std::string key;              // of the quantity that was judged: of a group the worst member
   std::optional<double> value;  // nothing: missing
-  double uncertainty = NAN;
-  double points = 0, of = 0;               // of: 0 when not judged
-  double points_low = 0, points_high = 0;  // within the uncertainty
-  CriterionVerdict verdict = CriterionVerdict::kNotJudged;
-  bool failed = false;     // beyond hard_fail
+  double uncertainty = NAN;     // half width of the 95 % interval
+  double points = 0, of = 0;    // of: 0 when not judged
+  double points_low = 0, points_high = 0;                   // within the uncertainty
+  CriterionVerdict verdict = CriterionVerdict::kNotJudged;  // of the value
+  bool failed = false;                                      // beyond hard_fail
   bool uncertain = false;  // the judgement would change within the uncertainty
   std::string reason;      // a sentence without its full stop
 };
 
-struct RubricResult {
-  std::string name, type, source;
-  double pass_points = 0;
-  std::vector<CriterionResult> criteria;  // in the rubric's order
-  std::optional<double> points_percent;   // nothing: no criterion could be judged
-  double points_percent_low = 0, points_percent_high = 0;
-  bool passed = false;
+struct RubricResult {                                      // of the whole
+  std::string name, type, source;                          // of the rubric
+  double pass_points = 0;                                  // percent
+  std::vector<CriterionResult> criteria;                   // in the rubric's order
+  std::optional<double> points_percent;                    // nothing: no criterion could be judged
+  double points_percent_low = 0, points_percent_high = 0;  // within the uncertainties
+  bool passed = false;                                     // enough points, and nothing failed hard
   bool certain = true;                    // passed or not throughout the uncertainty
   std::vector<std::string> fail_reasons;  // empty when passed
-  std::vector<std::string> notes;
+  std::vector<std::string> notes;         // what a reader must know
 };
 
 // Values that are not finite count as missing.

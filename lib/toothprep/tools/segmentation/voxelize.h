@@ -19,8 +19,8 @@
 
 namespace toothprep {
 
-struct VoxelizeOptions {
-  double voxel = 0.1;  // mm, of the tooth
+struct VoxelizeOptions {  // of scans; of labels `voxel` and the callbacks only
+  double voxel = 0.1;     // mm, of the tooth
   // Grey values of the borders surroundings|dentin and dentin|enamel; automatic when absent.
   std::optional<std::array<double, 2>> thresholds;
   // Borders pulp|dentin and dentin|enamel that are typical of this kind of scan: they only separate the
@@ -28,8 +28,8 @@ struct VoxelizeOptions {
   std::optional<std::array<double, 2>> typical;
   // Which one of several teeth: the n-th largest piece, or the one at a place (mm, W).
   int tooth = 1;
-  std::optional<Vec3> tooth_at;
-  bool keep_greys = false;  // for the report's pictures
+  std::optional<Vec3> tooth_at;  // wins over `tooth`
+  bool keep_greys = false;       // for the report's pictures
   // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
   // Told in advance what memory and time the work will take, if that is much.

@@ -11,17 +11,17 @@
 
 namespace toothprep {
 
-struct ScanJob {
-  std::string path;
+struct ScanJob {                            // what the options of `toothprep voxelize` say
+  std::string path;                         // a file, or a folder with a DICOM series
   ScanReadOptions reading;                  // `labels` follows from the map below
   std::optional<Box> roi;                   // mm, W: only this part of the scan
   std::map<std::uint16_t, Tissue> tissues;  // of label values; empty for a grey scan
-  VoxelizeOptions how;
+  VoxelizeOptions how;                      // grey scans: thresholds, which tooth
 };
 
-struct VoxelizedScan {
-  LayeredTooth tooth;  // provenance: also source (the name) and source_sha256 (see sha256_of_scan)
-  VoxelizeReport report;
+struct VoxelizedScan {  // what came out
+  LayeredTooth tooth;   // provenance: also source (the name) and source_sha256 (see sha256_of_scan)
+  VoxelizeReport report;  // of a grey scan: thresholds, grey values
 };
 
 // Throws InputError that names the file.

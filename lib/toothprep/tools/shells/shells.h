@@ -35,7 +35,7 @@
 
 namespace toothprep {
 
-struct Shell {
+struct Shell {                                          // a surface as read, with merged points
   std::string file;                                     // where it came from, for messages
   std::vector<Vec3> points;                             // mm; no two are equal
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
@@ -59,12 +59,12 @@ std::vector<std::string> shell_faults(const Shell& shell);
 // than two faces and intersections stay, for shell_faults() to find.
 std::vector<std::string> repair_shell(Shell& shell);
 
-struct TissueShell {
-  Tissue tissue = Tissue::kEnamel;
-  Shell shell;
+struct TissueShell {                // which tissue a shell bounds
+  Tissue tissue = Tissue::kEnamel;  // not air
+  Shell shell;                      // without faults
 };
 
-struct ShellOptions {
+struct ShellOptions {  // of the tooth that is made
   double voxel = 0.1;  // D, mm
   // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
