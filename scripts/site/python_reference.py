@@ -21,6 +21,27 @@ def python_reference(folder):
     return done.stdout, done.stderr.splitlines()
 
 
+def defaults(what):
+    """{parameter: its default as text}, of a function in Python or of a compiled one's docstring."""
+    try:
+        known = inspect.signature(what).parameters.values()
+        return {p.name: repr(p.default) for p in known if p.default is not p.empty}
+    except (TypeError, ValueError):
+        first = (inspect.getdoc(what) or "").partition("\n")[0]
+        return dict(re.findall(r"(\w+)(?:: [^=,()]+)? = (\([^()]*\)|\[[^]]*\]|'[^']*'|[^,()]+)", first))
+
+
+def with_defaults(call, what):
+    """A stub's function with what it leaves open (`...`) filled in."""
+    known = defaults(what)
+    plain = call.args.posonlyargs + call.args.args
+    pairs = list(zip(plain[len(plain) - len(call.args.defaults):], call.args.defaults))
+    call.args.defaults = [ast.Name(known.get(a.arg, "...")) for a, _ in pairs]
+    call.args.kw_defaults = [d and ast.Name(known.get(a.arg, "...")) for a, d in
+                             zip(call.args.kwonlyargs, call.args.kw_defaults)]
+    return call
+
+
 def stubs(module):
     """({name or Class.name: [its calls]}, the names of types that they use) of the module's stub file."""
     path = Path(module.__file__).with_suffix(".pyi")
@@ -32,6 +53,8 @@ def stubs(module):
         for prefix, call in [("", node)] + [(node.name + ".", n) for n in getattr(node, "body", [])
                                             if isinstance(node, ast.ClassDef)]:
             if isinstance(call, ast.FunctionDef):
+                owner = getattr(module, prefix[:-1], None) if prefix else module
+                call = with_defaults(call, getattr(owner, call.name, None))
                 call.args.args = [a for a in call.args.args if a.arg != "self"]
                 returns = f" -> {ast.unparse(call.returns)}" if call.returns else ""
                 calls.setdefault(prefix + call.name, []).append(f"{call.name}({ast.unparse(call.args)}){returns}")
@@ -54,6 +77,13 @@ def signature_and_text(name, what):
         return [f"{name}(...)"], text
 
 
+def readable(text):
+    """A docstring as Markdown: paragraphs in columns stay as they stand."""
+    parts = text.split("\n\n")
+    return "\n\n".join(f"```text\n{part}\n```" if len(re.findall(r"^\S+ {2,}\S", part, re.M)) > 1 else part
+                       for part in parts)
+
+
 def shown(calls):
     """Without what a reader does not write: the module's own name, `self` and its type."""
     calls = [re.sub(r"\(self(: [\w.]+)?(, )?", "(", re.sub(r"\btoothprep\.(_\w+\.)?", "", call)) for call in calls]
@@ -73,11 +103,11 @@ def reference(module):
         if callable(what) and name not in classes:
             calls, text = signature_and_text(name, what)
             calls = stub.get(name, calls)
-            lines += ["", f"## {name}", "", shown(calls), "", text]
+            lines += ["", f"## {name}", "", shown(calls), "", readable(text)]
             bare += [] if text else [name]
     for name, what in sorted(classes.items()):
         text = inspect.getdoc(what) or ""
-        lines += ["", f"## class {name}", "", text]
+        lines += ["", f"## class {name}", "", readable(text)]
         bare += [] if text else [name]
         for key, member in vars(what).items():
             if key.startswith("_") and key != "__init__":
@@ -89,7 +119,9 @@ def reference(module):
                 calls, text = signature_and_text(key, member)
                 calls = stub.get(f"{name}.{key}", calls)
                 calls = [c.replace("__init__(", f"{name}(", 1).removesuffix(" -> None") for c in calls]
-                lines += ["", shown(calls), "", text]
+                if calls == [f"{name}(/, *args, **kwargs)"]:  # made by other calls only
+                    continue
+                lines += ["", shown(calls), "", readable(text)]
             else:
                 continue
             bare += [] if text or key == "__init__" else [f"{name}.{key}"]
