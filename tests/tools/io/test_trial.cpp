@@ -17,8 +17,20 @@ constexpr std::size_t kMemory = std::size_t{1} << 32;
 
 TEST(Trial, GivesTheTextOfWhatWasThrownAndNothingOtherwise) {
   EXPECT_FALSE(failure_in_trial([] {}, 5, kMemory));
-  EXPECT_EQ(failure_in_trial([] { throw std::runtime_error("no"); }, 5, kMemory), "no");
-  EXPECT_EQ(failure_in_trial([] { std::abort(); }, 5, kMemory), "");
+  EXPECT_EQ(failure_in_trial([] { throw std::runtime_error("no"); }, 5, kMemory)->text, "no");
+  EXPECT_EQ(failure_in_trial([] { std::abort(); }, 5, kMemory)->text, "");
+}
+
+TEST(Trial, AnInputErrorComesThroughWithItsParts) {
+  const auto failure = failure_in_trial(
+      [] { throw InputError("a: b.h5", "", "is odd; very", "mend it"); }, 5, kMemory);
+  ASSERT_TRUE(failure && failure->input);
+  EXPECT_EQ(failure->input->file(), "a: b.h5");
+  EXPECT_EQ(failure->input->place(), "");
+  EXPECT_EQ(failure->input->condition(), "is odd; very");
+  EXPECT_EQ(failure->input->remedy(), "mend it");
+  EXPECT_STREQ(failure->input->what(), "a: b.h5: is odd; very; mend it");
+  EXPECT_FALSE(failure_in_trial([] { throw std::runtime_error("no"); }, 5, kMemory)->input);
 }
 
 std::ptrdiff_t threads_of_this_process() {

@@ -201,7 +201,8 @@ MeasuredRecording read_recording(const std::string& path, const ForceReading& re
   if (extension == ".csv")
     r = read_recording_csv(path);
   else if (extension == ".h5" || extension == ".hdf5")
-    r = h5::read_with_care(path, [pose](h5::Reader& in) { return parse_recording(in, pose); });
+    r = h5::read_with_care(path, ReadPolicy::kTrial,
+                           [pose](h5::Reader& in) { return parse_recording(in, pose); });
   else
     throw InputError(path, "", "not a recording by its name", "use .h5 or .csv");
   r.name = path;

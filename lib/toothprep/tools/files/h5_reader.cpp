@@ -4,13 +4,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/core/tissue.h"
+#include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep::h5 {
 namespace {
+
+// What a trial may take before any row was read.
+constexpr double kTrialSeconds = 0.5;  // CPU
+constexpr std::size_t kTrialMemory = std::size_t{1} << 30;
 
 constexpr double kSecondsPerValue = 1e-6;      // CPU, to read one and to put it where it belongs
 constexpr std::size_t kBytesPerRow = 2000;     // of a recording, with what reading it takes
@@ -31,6 +37,24 @@ std::string shape_text(const std::vector<std::uint64_t>& size) {
 }
 
 }  // namespace
+
+void try_parsing(const std::string& path, const std::function<void(Reader&)>& parse) {
+  std::error_code error;
+  std::uintmax_t known =
+      std::filesystem::file_size(path, error);  // bytes, as far as they count here
+  known = error ? 0 : std::min(known, std::uintmax_t{1} << 32);
+  const auto failure = failure_in_trial(
+      [&] {
+        limit_trial(kTrialSeconds, kTrialMemory);
+        Reader in(path);
+        parse(in);
+      },
+      static_cast<unsigned>(20 + (known >> 20)),  // s: a slow disk reads 1 MB/s
+      kTrialMemory);
+  if (!failure) return;
+  if (failure->input) throw *failure->input;
+  throw InputError(path, "", "is damaged", "record it again");
+}
 
 std::string printable(std::string text) {
   text = text.substr(0, 60);

@@ -6,10 +6,9 @@
 // shortest (cut_to_shortest), and where /time stops increasing.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,7 +16,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/geometry.h"
 #include "toothprep/tools/files/hdf5_handle.h"
-#include "toothprep/tools/io/trial.h"
+#include "toothprep/tools/io/read_policy.h"
 
 namespace toothprep::h5 {
 
@@ -87,38 +86,22 @@ class Reader {
   std::size_t proven_rows_ = 0;
 };
 
-// What a trial may take before any row was read.
-constexpr double kTrialSeconds = 0.5;  // CPU
-constexpr std::size_t kTrialMemory = std::size_t{1} << 30;
-
 // Of a damaged file's text, what can be shown in a line.
 std::string printable(std::string text);
 
+// Lets a child process parse the file; throws InputError if that fails.
+void try_parsing(const std::string& path, const std::function<void(Reader&)>& parse);
+
 // parse(Reader&) for a file that may be damaged. HDF5 (1.10 at least) follows some damaged
-// references blindly: it crashes, loops or takes gigabytes. So a child process parses the file
-// first, and only what came through there is parsed here. This doubles the time: 0.3 s more for
-// 240,000 rows. The child may take half a second of CPU time for what is no data, and as much more
-// for data as the rows need that were found so far (Reader::read).
+// references blindly: it crashes, loops or takes gigabytes. So, unless the policy is kDirect, a
+// child process parses the file first, and only what came through there is parsed here. The child
+// may take half a second of CPU time for what is no data, and as much more for data as the rows need
+// that were found so far (Reader::read).
 template <class Parse>
-auto read_with_care(const std::string& path, Parse parse) {
+auto read_with_care(const std::string& path, ReadPolicy policy, Parse parse) {
   const auto lock = lock_hdf5();
   const Quiet quiet;
-  std::error_code error;
-  std::uintmax_t known =
-      std::filesystem::file_size(path, error);  // bytes, as far as they count here
-  known = error ? 0 : std::min(known, std::uintmax_t{1} << 32);
-  const auto failure = failure_in_trial(
-      [&] {
-        limit_trial(kTrialSeconds, kTrialMemory);
-        Reader in(path);
-        parse(in);
-      },
-      static_cast<unsigned>(20 + (known >> 20)),  // s: a slow disk reads 1 MB/s
-      kTrialMemory);
-  const std::string own = path + ": ";  // the first part of an InputError's text
-  if (failure && failure->rfind(own, 0) == 0)
-    throw InputError(path, "", failure->substr(own.size()));
-  if (failure) throw InputError(path, "", "is damaged", "record it again");
+  if (policy == ReadPolicy::kTrial) try_parsing(path, [&](Reader& in) { parse(in); });
   Reader in(path);
   return parse(in);
 }

@@ -104,10 +104,12 @@ SessionRecording parse_session(h5::Reader& in) {
 
 }  // namespace
 
-bool is_session_file(const std::string& path) { return h5::read_with_care(path, says_live); }
+bool is_session_file(const std::string& path, ReadPolicy policy) {
+  return h5::read_with_care(path, policy, says_live);
+}
 
-SessionRecording read_session(const std::string& path) {
-  return h5::read_with_care(path, parse_session);
+SessionRecording read_session(const std::string& path, ReadPolicy policy) {
+  return h5::read_with_care(path, policy, parse_session);
 }
 
 }  // namespace toothprep

@@ -29,6 +29,7 @@
 
 #include "toothprep/step/core/geometry.h"
 #include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/io/read_policy.h"
 
 namespace toothprep {
 
@@ -66,10 +67,10 @@ struct SessionRecording {  // a whole recording in memory
 };
 
 // Whether it is the recording of a live session. Throws InputError if it can't be read at all.
-bool is_session_file(const std::string& path);
+bool is_session_file(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
 
 // Reads a recording, also one that is being written or whose program was killed: rows up to the
 // last flush. Throws InputError as read_trace does.
-SessionRecording read_session(const std::string& path);
+SessionRecording read_session(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
 
 }  // namespace toothprep

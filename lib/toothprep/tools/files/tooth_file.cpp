@@ -438,8 +438,7 @@ void try_reading(const std::string& path, std::string& bytes) {
       },
       static_cast<unsigned>(20 * seconds), memory);
   if (!failure) return;
-  const std::string own = path + ": ";  // the first part of an InputError's text
-  if (failure->rfind(own, 0) == 0) throw InputError(path, "", failure->substr(own.size()));
+  if (failure->input) throw *failure->input;
   throw InputError(path, "", std::string(kDamaged) + ": reading it fails, or takes too much memory",
                    kAgain);
 }
@@ -460,10 +459,10 @@ void judge_place(const std::string& path, const LayeredTooth& tooth,
 
 }  // namespace
 
-ToothReading read_tooth_with_warnings(const std::string& path) {
+ToothReading read_tooth_with_warnings(const std::string& path, ReadPolicy policy) {
   openvdb::initialize();
   Content content = content_of(path);
-  if (!content.ours) try_reading(path, content.bytes);
+  if (!content.ours && policy == ReadPolicy::kTrial) try_reading(path, content.bytes);
   const Archive archive = parse(path, content.bytes);
   ToothReading reading{tooth_of(path, archive), {}};
   auto stored = find_text(*archive.meta, kHashKey);
@@ -476,7 +475,9 @@ ToothReading read_tooth_with_warnings(const std::string& path) {
   return reading;
 }
 
-LayeredTooth read_tooth(const std::string& path) { return read_tooth_with_warnings(path).tooth; }
+LayeredTooth read_tooth(const std::string& path, ReadPolicy policy) {
+  return read_tooth_with_warnings(path, policy).tooth;
+}
 
 void write_tooth(const LayeredTooth& tooth, const std::string& path) {
   openvdb::initialize();

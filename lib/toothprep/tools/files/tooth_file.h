@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toothprep/step/tooth/layered_tooth.h"
+#include "toothprep/tools/io/read_policy.h"
 
 namespace toothprep {
 
@@ -14,8 +15,9 @@ namespace toothprep {
 // labels outside 0..4, absurd size.
 //
 // OpenVDB's reader trusts what it finds. A file of ours proves by its checksum that it is as we
-// wrote it; any other is first read by a child process with limits on time and memory.
-LayeredTooth read_tooth(const std::string& path);
+// wrote it; any other is first read by a child process with limits on time and memory, unless the
+// policy is kDirect (tools/io/read_policy.h).
+LayeredTooth read_tooth(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
 
 // The same, and what is odd about the tooth though it can be read: it isn't the one that the file's
 // tooth_sha256 is of (another program changed and saved it), or it lies where no tooth does.
@@ -23,7 +25,8 @@ struct ToothReading {
   LayeredTooth tooth;                 // as read
   std::vector<std::string> warnings;  // a sentence each, with the file's name
 };
-ToothReading read_tooth_with_warnings(const std::string& path);  // errors as read_tooth()
+ToothReading read_tooth_with_warnings(
+    const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);  // errors as read_tooth()
 
 // Same tooth, same bytes: the archive's random id is derived from the content. Writes `path`
 // itself; callers go through Outputs.

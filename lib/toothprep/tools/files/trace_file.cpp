@@ -199,14 +199,16 @@ void write_trace(const Trace& trace, const std::string& path) {
   out.close();
 }
 
-Trace read_trace(const std::string& path) { return h5::read_with_care(path, parse_trace); }
-
-bool is_trace_file(const std::string& path) {
-  return h5::read_with_care(path, [](Reader& in) { return in.text("schema") == kSchema; });
+Trace read_trace(const std::string& path, ReadPolicy policy) {
+  return h5::read_with_care(path, policy, parse_trace);
 }
 
-Trajectory read_h5_trajectory(const std::string& path) {
-  return h5::read_with_care(path, parse_trajectory);
+bool is_trace_file(const std::string& path, ReadPolicy policy) {
+  return h5::read_with_care(path, policy, [](Reader& in) { return in.text("schema") == kSchema; });
+}
+
+Trajectory read_h5_trajectory(const std::string& path, ReadPolicy policy) {
+  return h5::read_with_care(path, policy, parse_trajectory);
 }
 
 }  // namespace toothprep

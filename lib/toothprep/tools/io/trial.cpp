@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <csignal>
@@ -23,7 +24,7 @@
 namespace toothprep {
 namespace {
 
-constexpr int kThrew = 1, kCrashed = 2;
+constexpr int kThrew = 1, kCrashed = 2, kThrewInputError = 3;
 
 bool in_trial = false;  // of a child
 
@@ -51,6 +52,30 @@ void end_worker_threads() {
   static_cast<void>(tbb::finalize(workers, std::nothrow));
 }
 
+[[noreturn]] void end_with_report(int report, const std::string& text, int status) {
+  _exit(write(report, text.data(), text.size()) > 0 ? status : kCrashed);
+}
+
+// The parts of an InputError, each with a zero byte behind it; and back.
+std::string parts_of(const InputError& e) {
+  std::string text;
+  for (const std::string& part : {e.file(), e.place(), e.condition(), e.remedy()})
+    text += std::string(part.c_str()) + '\0';
+  return text;
+}
+TrialFailure input_failure(const std::string& text) {
+  std::array<std::string, 4> parts;
+  std::size_t at = 0;
+  for (std::string& part : parts) {
+    const std::size_t end = text.find('\0', at);
+    if (end == std::string::npos) return {};  // cut off
+    part = text.substr(at, end - at);
+    at = end + 1;
+  }
+  const InputError error(parts[0], parts[1], parts[2], parts[3]);
+  return {error.what(), error};
+}
+
 [[noreturn]] void run_as_child(const std::function<void()>& work, unsigned seconds,
                                std::size_t memory, int report) {
   in_trial = true;
@@ -72,9 +97,10 @@ void end_worker_threads() {
     work();
   } catch (const std::bad_alloc&) {
     _exit(kCrashed);
+  } catch (const InputError& e) {
+    end_with_report(report, parts_of(e), kThrewInputError);
   } catch (const std::exception& e) {
-    const std::string text(e.what());
-    _exit(write(report, text.data(), text.size()) > 0 ? kThrew : kCrashed);
+    end_with_report(report, e.what(), kThrew);
   } catch (...) {
     _exit(kCrashed);
   }
@@ -83,8 +109,8 @@ void end_worker_threads() {
 
 }  // namespace
 
-std::optional<std::string> failure_in_trial(const std::function<void()>& work, unsigned seconds,
-                                            std::size_t memory) {
+std::optional<TrialFailure> failure_in_trial(const std::function<void()>& work, unsigned seconds,
+                                             std::size_t memory) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return {};
   end_worker_threads();
@@ -104,8 +130,10 @@ std::optional<std::string> failure_in_trial(const std::function<void()>& work, u
   if (child < 0) return {};
   while (waitpid(child, &status, 0) < 0)
     if (errno != EINTR) return {};
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
-  return WIFEXITED(status) && WEXITSTATUS(status) == kThrew ? text : std::string();
+  const int end = WIFEXITED(status) ? WEXITSTATUS(status) : kCrashed;
+  if (end == 0) return {};
+  if (end == kThrewInputError) return input_failure(text);
+  return TrialFailure{end == kThrew ? text : std::string(), {}};
 }
 
 void limit_trial(double cpu_seconds, std::size_t memory) {

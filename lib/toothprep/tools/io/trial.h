@@ -6,14 +6,22 @@
 #include <optional>
 #include <string>
 
+#include "toothprep/step/core/errors.h"
+
 namespace toothprep {
 
+// How a trial ended that didn't come to its end.
+struct TrialFailure {
+  std::string text;  // what() of the std::exception; empty if it crashed or took too much
+  std::optional<InputError> input;  // the exception itself, if it was one of these
+};
+
 // Runs `work` in a child process, whose results are lost but for what it writes to SharedMemory.
-// Gives nothing if it came to its end, what() of the std::exception that it threw, or an empty text
-// if it crashed or took more than `seconds` or more than `memory` bytes. Nothing, too, if no child
-// can be made. No other thread may hold a lock that `work` takes. May be called by several threads.
-std::optional<std::string> failure_in_trial(const std::function<void()>& work, unsigned seconds,
-                                            std::size_t memory);
+// Gives nothing if it came to its end, and a failure if it threw, crashed, or took more than
+// `seconds` or more than `memory` bytes. Nothing, too, if no child can be made. No other thread may
+// hold a lock that `work` takes. May be called by several threads.
+std::optional<TrialFailure> failure_in_trial(const std::function<void()>& work, unsigned seconds,
+                                             std::size_t memory);
 
 // Limits `work` anew, from here on: this much CPU time (not the wait for a slow disk) and memory. For
 // work that finds out as it goes how much it may need. Does nothing outside a trial.

@@ -77,7 +77,7 @@ void write_in_trial(const std::string& path, std::size_t bytes,
   const auto failure = failure_in_trial(work, seconds, 4 * bytes + kLibraries);
   if (*done.data() != 1)
     throw Error(path + ": cannot be written" +
-                (failure && !failure->empty() ? " (" + *failure + ")" : "") +
+                (failure && !failure->text.empty() ? " (" + failure->text + ")" : "") +
                 "; is the disk full?");
 }
 

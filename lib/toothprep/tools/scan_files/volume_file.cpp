@@ -50,7 +50,7 @@ void try_itk(const std::function<void()>& work, unsigned seconds, std::size_t me
       },
       seconds, memory);
   if (!failure) return;
-  throw std::runtime_error(failure->empty() ? "it is damaged" : *failure);
+  throw std::runtime_error(failure->text.empty() ? "it is damaged" : failure->text);
 }
 
 Header itk_header(const std::string& path, Format format) {
