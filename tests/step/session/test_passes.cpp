@@ -7,6 +7,7 @@
 #include "toothprep/proof/reference/swept_passes.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/step/grinding/engine.h"
 
 namespace toothprep::testing {
 namespace {

@@ -7,6 +7,7 @@
 #include "toothprep/proof/reference/closed_forms.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/engine.h"
 
 namespace toothprep::figures {
 namespace {

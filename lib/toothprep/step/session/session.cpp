@@ -4,7 +4,9 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/engine.h"
 #include "toothprep/step/session/split_step.h"
+#include "toothprep/step/session/stages.h"
 
 namespace toothprep {
 namespace {
@@ -13,8 +15,29 @@ constexpr double kShankElementSize = 0.4;  // mm
 
 }  // namespace
 
-Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
-                 const HandleSample& first)
+// The model, which is constant, the state between two steps, and the engine with its tissue.
+class Session::Work {
+ public:
+  Work(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
+       const HandleSample& first);
+  StepRecord step(const HandleSample& next) noexcept;
+  StepRecord stand(const HandleSample& rejected) noexcept;
+  StepRecord step_part(const HandleSample& handle, double h) noexcept;
+  int parts_of_step() noexcept;
+  void count(const StepRecord& row) noexcept;
+  void finish(StepRecord& last) noexcept;
+
+  Workpiece& workpiece_;
+  StepModel model_;
+  std::unique_ptr<GrindingEngine> engine_;
+  int most_parts_;  // of a step that is split
+  BurState state_;
+  StepRecord initial_;
+  SessionTotals totals_;
+};
+
+Session::Work::Work(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
+                    const HandleSample& first)
     : workpiece_(workpiece),
       model_{parameters, drive, bur.shank_elements(kShankElementSize)},
       most_parts_(most_parts(bur.elements(4 * element_size(bur, parameters)).size(),
@@ -29,7 +52,7 @@ Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& paramet
   initial_.bur = first.pose;
 }
 
-StepRecord Session::step(const HandleSample& next) noexcept {
+StepRecord Session::Work::step(const HandleSample& next) noexcept {
   if (next.rejected) return stand(next);
   const HandleSample from = state_.handle;
   const Vec3 start = state_.pose.position;
@@ -45,7 +68,7 @@ StepRecord Session::step(const HandleSample& next) noexcept {
   return row;
 }
 
-StepRecord Session::stand(const HandleSample& rejected) noexcept {
+StepRecord Session::Work::stand(const HandleSample& rejected) noexcept {
   ++totals_.rejected_steps;
   state_.velocity.setZero();
   state_.judged_velocity.setZero();
@@ -57,7 +80,7 @@ StepRecord Session::stand(const HandleSample& rejected) noexcept {
 }
 
 // The method, one stage a line (stages.h).
-StepRecord Session::step_part(const HandleSample& handle, double h) noexcept {
+StepRecord Session::Work::step_part(const HandleSample& handle, double h) noexcept {
   const bool was_stalled = state_.stalled;
 
   StepPart part = sense(model_, state_, handle, h);
@@ -73,7 +96,7 @@ StepRecord Session::step_part(const HandleSample& handle, double h) noexcept {
   return row;
 }
 
-int Session::parts_of_step() noexcept {
+int Session::Work::parts_of_step() noexcept {
   if (model_.drive == Drive::kDirect) return 1;
   const double way = state_.velocity.norm() * model_.parameters.time_step / workpiece_.voxel();
   const int wanted = wanted_parts(way);
@@ -82,7 +105,7 @@ int Session::parts_of_step() noexcept {
   return std::min(wanted, most_parts_);
 }
 
-void Session::count(const StepRecord& row) noexcept {
+void Session::Work::count(const StepRecord& row) noexcept {
   totals_.removed = engine_->removed();
   totals_.stalled_steps += row.stalled;
   totals_.shank_contact_steps += row.shank_contact_area > 0;
@@ -92,10 +115,21 @@ void Session::count(const StepRecord& row) noexcept {
   totals_.peak_device_force = std::max(totals_.peak_device_force, row.device_force.norm());
 }
 
-void Session::finish(StepRecord& last) noexcept {
+void Session::Work::finish(StepRecord& last) noexcept {
   engine_->finish(state_.pose);
   totals_.removed = engine_->removed();
   last.removed_volume = engine_->removed();
 }
+
+Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
+                 const HandleSample& first)
+    : work_(std::make_unique<Work>(bur, workpiece, parameters, drive, first)) {}
+Session::~Session() = default;
+Session::Session(Session&&) noexcept = default;
+
+const StepRecord& Session::initial() const noexcept { return work_->initial_; }
+StepRecord Session::step(const HandleSample& next) noexcept { return work_->step(next); }
+void Session::finish(StepRecord& last) noexcept { work_->finish(last); }
+const SessionTotals& Session::totals() const noexcept { return work_->totals_; }
 
 }  // namespace toothprep

@@ -7,9 +7,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/step/core/step_record.h"
-#include "toothprep/step/grinding/engine.h"
 #include "toothprep/step/grinding/workpiece.h"
-#include "toothprep/step/session/stages.h"
 
 namespace toothprep {
 
@@ -31,13 +29,19 @@ struct SessionTotals {
 
 class Session {
  public:
-  // Keeps references to bur and workpiece. `parameters` must be valid (core/parameters.h); throws
-  // Error as make_engine() does. Tissue inside the bur at `first` is removed.
+  // Keeps references to bur and workpiece, which must outlive it. `parameters` must be valid
+  // (core/parameters.h). Tissue inside the bur at `first` is removed. Throws Error if the bur is
+  // too thin for the engine (less than two voxels across), if parameters.element_size is above a
+  // quarter of its radius, or if `first` isn't finite.
   Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
           const HandleSample& first);
+  ~Session();
+  Session(Session&&) noexcept;
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
 
   // Row 0: the initial state with zero forces.
-  const StepRecord& initial() const { return initial_; }
+  const StepRecord& initial() const noexcept;
 
   // One step of parameters.time_step that ends with the handle at `next`. Allocates nothing. If
   // `next` is rejected, no step is made: the row has the bur where it was, at rest, without forces,
@@ -47,21 +51,11 @@ class Session {
   // Removes what is still due and brings the volumes of the last record up to date.
   void finish(StepRecord& last) noexcept;
 
-  const SessionTotals& totals() const { return totals_; }
+  const SessionTotals& totals() const noexcept;
 
  private:
-  StepRecord stand(const HandleSample& rejected) noexcept;
-  StepRecord step_part(const HandleSample& handle, double h) noexcept;
-  int parts_of_step() noexcept;
-  void count(const StepRecord& row) noexcept;
-
-  Workpiece& workpiece_;
-  StepModel model_;
-  std::unique_ptr<GrindingEngine> engine_;
-  int most_parts_;  // of a step that is split
-  BurState state_;
-  StepRecord initial_;
-  SessionTotals totals_;
+  class Work;
+  std::unique_ptr<Work> work_;
 };
 
 }  // namespace toothprep

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "toothprep/step/grinding/workpiece.h"
+#include "toothprep/tools/display/display_stats.h"
 
 namespace toothprep {
 
@@ -28,12 +29,6 @@ struct FeedOptions {
   // cut away as a whole, which have none, four times as many.
   int bricks_per_tick = 8;
   int ring_bricks = 1024;  // 2 MB; what a tick finds no room for stays marked
-};
-
-struct FeedCounts {
-  std::uint64_t ticks = 0, bricks = 0;  // bricks: handed over
-  std::uint64_t largest_backlog = 0;    // bricks marked and not yet handed over, after a tick
-  std::uint64_t ring_full = 0;          // ticks that found no room
 };
 
 class BrickFeed {

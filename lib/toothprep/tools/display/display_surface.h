@@ -24,6 +24,7 @@
 
 #include "toothprep/tools/display/block_mesh.h"
 #include "toothprep/tools/display/brick_feed.h"
+#include "toothprep/tools/display/display_stats.h"
 #include "toothprep/tools/display/duration_counts.h"
 
 namespace toothprep {
@@ -31,21 +32,6 @@ namespace toothprep {
 struct DisplayOptions {
   double rate = 30;  // Hz, passes of the worker
   FeedOptions feed;
-};
-
-struct DisplayStats {
-  std::uint64_t passes = 0, publications = 0;  // passes that changed nothing publish nothing
-  double rate = 0;                             // Hz, of the worker's passes while it ran
-  double longest_gap = 0;                      // s, between the starts of two passes
-  std::uint64_t blocks = 0;                    // meshed again, without the first extraction
-  double first_extraction = 0;                 // s
-  // s, of the passes that published something.
-  double pass_median = 0, pass_99 = 0, pass_worst = 0;
-  // s, from the end of the step that changed a brick visibly, noted by tick(), to its mesh's
-  // publication.
-  double latency_median = 0, latency_99 = 0, latency_worst = 0;
-  FeedCounts feed;
-  std::string failure;  // why the worker gave up; empty while it did not
 };
 
 class DisplaySurface {

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/live/probe_loop.h"
 
 namespace toothprep {
 namespace {

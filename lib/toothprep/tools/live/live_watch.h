@@ -8,7 +8,6 @@
 #include <string>
 
 #include "toothprep/tools/live/live_loop.h"
-#include "toothprep/tools/live/probe_loop.h"
 
 namespace toothprep {
 
@@ -35,8 +34,5 @@ struct LiveEnd {
 LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& registration,
                  const std::optional<Vec3>& start, double time_step,
                  const std::function<Session&(const Pose&)>& make_session, const LiveWatch& watch);
-
-// An active check: starts the device, watches and ends as run_live() does.
-LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch);
 
 }  // namespace toothprep

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "toothprep/tools/live/live_loop.h"
+#include "toothprep/tools/live/live_watch.h"
 
 namespace toothprep {
 
@@ -33,5 +34,8 @@ class ProbeLoop final : public ServoClient {
   Vec3 last_place_ = Vec3::Zero();
   StatusBoard status_;
 };
+
+// An active check: starts the device, watches and ends as run_live() does.
+LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch);
 
 }  // namespace toothprep

@@ -5,7 +5,7 @@
 #include <array>
 #include <cstdint>
 
-#include "toothprep/tools/live/live_loop.h"
+#include "toothprep/step/core/live_tick.h"
 
 namespace toothprep {
 

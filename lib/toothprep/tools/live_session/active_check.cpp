@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "toothprep/tools/live_session/device_header.h"
+#include "toothprep/tools/live_session/tick_sinks.h"
 #include "toothprep/tools/rig_check/protocol_force.h"
 
 namespace toothprep {

@@ -1,6 +1,9 @@
 // An active check of a rig (rig_check/protocol.h) on a device, recorded.
 #pragma once
 
+#include <functional>
+#include <string>
+
 #include "toothprep/tools/live_session/recorded_run.h"
 #include "toothprep/tools/rig_check/protocol.h"
 

@@ -8,6 +8,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/live_session/device_header.h"
+#include "toothprep/tools/live_session/tick_sinks.h"
 
 namespace toothprep {
 namespace {

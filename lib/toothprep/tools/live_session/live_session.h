@@ -10,6 +10,11 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/grinding/workpiece.h"
 #include "toothprep/step/session/plausibility.h"
+#include "toothprep/step/session/session.h"
+#include "toothprep/tools/display/display_stats.h"
+#include "toothprep/tools/live/force_governor.h"
+#include "toothprep/tools/live/live_watch.h"
+#include "toothprep/tools/live/registration.h"
 #include "toothprep/tools/live_session/recorded_run.h"
 
 namespace toothprep {

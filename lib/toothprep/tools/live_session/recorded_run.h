@@ -1,10 +1,11 @@
-// What a session and an active check have in common: every tick to the recorder and the figures.
+// What a run on a device is recorded to, and what is known of it at its end: the same of a session
+// and of an active check.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
-#include "toothprep/tools/display/display_surface.h"
-#include "toothprep/tools/files/session_recorder.h"
+#include "toothprep/tools/files/session_file.h"
 #include "toothprep/tools/live/live_watch.h"
 #include "toothprep/tools/live/tick_statistics.h"
 
@@ -23,30 +24,5 @@ struct RecordedRun {
   std::int64_t rows = 0, dropped = 0;  // ticks in the file; ticks that the disk was too slow for
   std::string failure;                 // why the recording isn't complete; empty if it is
 };
-
-class TickSinks final : public TickSink {
- public:
-  // `display` may be nullptr.
-  TickSinks(SessionRecorder& recorder, DisplaySurface* display)
-      : recorder_(recorder), display_(display) {}
-  void take(const LiveTick& tick) noexcept override {
-    statistics.add(tick);
-    recorder_.push(tick);
-    if (display_) display_->tick();
-  }
-  TickStatistics statistics;
-
- private:
-  SessionRecorder& recorder_;
-  DisplaySurface* display_;
-};
-
-// The watch, with a line to `warn` when the recording stops while the session goes on.
-LiveWatch with_recorder_watched(LiveWatch watch, const SessionRecorder& recorder,
-                                std::function<void(const std::string&)> warn);
-
-// Closes the recording. Doesn't throw: what fails stands in the result.
-RecordedRun close_recording(SessionRecorder& recorder, const EnergyAudit& audit, LiveEnd end,
-                            const TickStatistics& ticks);
 
 }  // namespace toothprep

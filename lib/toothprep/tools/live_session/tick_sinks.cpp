@@ -1,4 +1,4 @@
-#include "toothprep/tools/live_session/recorded_run.h"
+#include "toothprep/tools/live_session/tick_sinks.h"
 
 #include "toothprep/step/core/errors.h"
 
