@@ -39,8 +39,8 @@ void warn(const std::string& line);  // "warning: ..." on stderr, also when quie
 
 bool has_extension(const std::string& path, const std::string& extension);  // ".ply", any case
 
-// Folder of the shipped data (burs, trajectories): $TOOTHPREP_DATA, beside the sources, or
-// installed.
+// Folder of the shipped data (burs, trajectories): $TOOTHPREP_DATA; of a program in its build
+// folder, that of the sources; else ../share/toothprep beside the program's own folder.
 std::string data_folder();
 // Runs a shipped script (beside the sources, or installed with the data) and waits for it; false if
 // it can't be run or fails.

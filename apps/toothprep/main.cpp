@@ -9,13 +9,17 @@
 #include <filesystem>
 #include <iostream>
 #include <new>
+#include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <thread>
 
 #include "command.h"
 #include "numeric_options.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/child_process.h"
+#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/part.h"
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/version.h"
@@ -47,10 +51,9 @@ std::string data_folder() {
   if (const char* given = std::getenv("TOOTHPREP_DATA")) return given;
   std::error_code error;
   const fs::path self = fs::read_symlink("/proc/self/exe", error);
-  for (const fs::path& candidate :
-       {self.parent_path() / ".." / "share" / "toothprep", fs::path(kSourceDataFolder)})
-    if (fs::is_directory(candidate, error)) return candidate.string();
-  return kSourceDataFolder;
+  const fs::path folder = self.parent_path();
+  if (fs::equivalent(folder, kBuildFolder, error)) return std::string(kSourceFolder) + "/data";
+  return (folder / ".." / "share" / "toothprep").lexically_normal().string();
 }
 
 bool run_script(const std::string& name, const std::vector<std::string>& arguments) {
@@ -73,14 +76,32 @@ bool run_script(const std::string& name, const std::vector<std::string>& argumen
 
 namespace {
 
+// What was built, of what: `--version --json`.
+std::string version_json() {
+  nlohmann::ordered_json j = {{"schema", "toothprep-version"}, {"schema_version", 1},
+                              {"toothprep_version", kVersion}, {"build", build_text()},
+                              {"build_type", kBuildType},      {"compiler", kCompiler}};
+  j["commit"] = *kCommit ? nlohmann::ordered_json(kCommit) : nlohmann::ordered_json(nullptr);
+  j["libraries"] = nlohmann::ordered_json::object();
+  for (const auto& [name, version] : library_versions()) j["libraries"][name] = version;
+  return json_text(j);
+}
+
 int run(int argc, char** argv) {
+  const std::set<std::string> words(argv + 1, argv + argc);
+  if (argc == 3 && words == std::set<std::string>{"--version", "--json"}) {
+    std::cout << version_json();
+    if (!std::cout.flush()) throw Error("stdout cannot be written");
+    return 0;
+  }
   CLI::App app{
       "toothprep: haptic tooth preparation, offline. Layered teeth from CT, replay of handpiece\n"
       "trajectories through the force, virtual-coupling and stall pipeline, traces and meshes.\n"
       "Example: toothprep specimen molar -o molar.vdb\n"
       "Files in data/: of the repository, or installed in share/toothprep (pages with working\n"
       "links in share/doc/toothprep). data/guide.md says which page is for which job."};
-  app.set_version_flag("--version", std::string("toothprep ") + kVersion);
+  app.set_version_flag("--version", std::string("toothprep ") + kVersion,
+                       "Version; with --json also build and libraries");
   app.require_subcommand(1);
   app.fallthrough();
   Common common;

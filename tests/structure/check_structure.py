@@ -4,7 +4,7 @@
   no cycles.
 - Three rings, lib/toothprep/step, tools and proof: the step needs modules of the step only, the tools nothing of the
   proof; the light modules (CMakeLists.txt) need light modules only.
-- Heavy headers stay in the modules that need them.
+- Heavy headers stay in the modules that need them. Public headers (PUBLIC_HEADERS) include public ones only.
 - Every source is built, every module has a README and stands in the layout of the top README, and no file is large.
 - In Markdown every relative link leads to a file, and to a heading where it names one; every path of the tree that
   Markdown, sources or help texts name exists.
@@ -176,7 +176,7 @@ def check(root):
     root = Path(root).resolve()
     library = root / "lib" / "toothprep"
     breaches, modules, ring_of = [], {}, {}
-    keys = ["SOURCES", "MODULES", "PUBLIC", "PRIVATE"]
+    keys = ["SOURCES", "MODULES", "PUBLIC", "PRIVATE", "PUBLIC_HEADERS"]
     folders = sorted(p for ring in RINGS for p in (library / ring).glob("*") if p.is_dir())
     for path in library.iterdir():
         if path.is_dir() and path.name not in RINGS:
@@ -247,6 +247,18 @@ def check(root):
                 elif module not in allowed:
                     breaches.append(f"{place}:{number}: includes {header}, but {folder.name} does not "
                                     f"declare the module {module} (MODULES in its CMakeLists.txt)")
+
+    public = {f"toothprep/{ring_of[name]}/{name}/{header}" for name, module in modules.items() if name in ring_of
+              for header in module["PUBLIC_HEADERS"]}
+    for name in sorted(public):
+        path = root / "lib" / name
+        if not path.is_file():
+            breaches.append(f"lib/{name}: is among the PUBLIC_HEADERS of its module, but does not exist")
+            continue
+        for number, header in includes(path):
+            if header.startswith("toothprep/") and header not in public:
+                breaches.append(f"lib/{name}:{number}: is installed, but includes {header}, which is not "
+                                f"(PUBLIC_HEADERS in its CMakeLists.txt)")
 
     for part in ("lib", "apps", "tests"):
         for path in sorted((root / part).rglob("*")):

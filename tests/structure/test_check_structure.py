@@ -64,6 +64,17 @@ class Breaches(unittest.TestCase):
     def test_a_good_tree_has_none(self):
         self.assertEqual(self.breaches({}), [])
 
+    def test_public_header_that_includes_one_that_is_not_installed(self):
+        tooth = "lib/toothprep/step/tooth/"
+        cmake = "toothprep_module(tooth SOURCES t.cpp MODULES core PUBLIC_HEADERS t.h)"
+        header = '#include "toothprep/step/core/a.h"\n'
+        self.expect({tooth + "CMakeLists.txt": cmake}, tooth + "t.h", "does not exist")
+        self.expect({tooth + "CMakeLists.txt": cmake, tooth + "t.h": header}, tooth + "t.h:1", "step/core/a.h, which is not")
+        self.assertEqual(self.breaches({
+            tooth + "CMakeLists.txt": cmake, tooth + "t.h": header,
+            "lib/toothprep/step/core/CMakeLists.txt":
+                "toothprep_module(core SOURCES a.cpp PUBLIC Eigen3::Eigen PUBLIC_HEADERS a.h)\n"}), [])
+
     def test_texts_may_name_what_exists(self):
         self.assertEqual(self.breaches({
             "lib/toothprep/step/core/README.md":
