@@ -8,6 +8,7 @@
 
 #include "command.h"
 #include "strictness.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/batch/run_batch.h"
 #include "toothprep/version.h"
@@ -72,6 +73,7 @@ void run(const Options& o, CLI::App& app, const Common& common) {
   options.program = this_program();
   options.program_arguments = {"--threads", "1", "--quiet"};
   options.version = kVersion;
+  options.build = build_text();
   options.at_once = common.threads > 0
                         ? common.threads
                         : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));

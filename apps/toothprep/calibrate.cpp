@@ -8,6 +8,7 @@
 #include "numeric_options.h"
 #include "session_options.h"
 #include "strictness.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
@@ -149,7 +150,7 @@ void run(const Options& o, const Common& common) {
                  o.strict);
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
-  FitSources sources{kVersion, o.tooth, tooth_sha256(tooth), o.bur, {}};
+  FitSources sources{kVersion, o.tooth, tooth_sha256(tooth), o.bur, {}, build_text()};
   for (const std::string& path : o.measured)
     sources.recording_sha256.push_back(sha256_of_file(path));
 

@@ -14,6 +14,7 @@
 
 #include "command.h"
 #include "drawn.h"
+#include "toothprep/build_info.h"
 #include "toothprep/proof/figures/experiment.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/outputs.h"
@@ -90,6 +91,7 @@ void run(const Options& o, const Common& common) {
   if (o.engine == "voxel") options.engines = {EngineKind::kVoxel};
   options.bur_library = data_folder() + "/burs";
   options.version = kVersion;
+  options.build = build_text();
   options.output = output;
   const bool terminal = !common.quiet && isatty(2);
   options.progress = [&](int done, int all, const std::string& what) {

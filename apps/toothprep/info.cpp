@@ -13,6 +13,7 @@
 
 #include "command.h"
 #include "strictness.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/regular_file.h"
@@ -22,6 +23,7 @@
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/mesh_files/mesh_file.h"
 #include "toothprep/tools/scan_files/image_file.h"
+#include "toothprep/version.h"
 
 namespace toothprep::app {
 namespace {
@@ -274,6 +276,8 @@ void run(const Options& o) {
   Warnings warnings;
   info["schema"] = "toothprep-info";
   info["schema_version"] = 1;
+  info["toothprep_version"] = kVersion;  // of a trace: its own, below
+  info["build"] = build_text();
   info["file"] = o.file;
   if (!folder) {
     regular_file_size(o.file);

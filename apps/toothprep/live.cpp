@@ -11,6 +11,7 @@
 #include "numeric_options.h"
 #include "session_options.h"
 #include "strictness.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/device/openhaptics_device.h"
@@ -121,6 +122,8 @@ nlohmann::ordered_json report_json(const RecordedRun& run, const Options& o,
   const TickStatistics& t = run.ticks;
   nlohmann::ordered_json j;
   j["schema"] = "toothprep-live";
+  j["toothprep_version"] = kVersion;
+  j["build"] = build_text();
   j["session"] = o.output;
   j["device"] = device.identity().model;
   j["ticks"] = t.ticks;

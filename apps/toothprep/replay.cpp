@@ -15,6 +15,7 @@
 #include "command.h"
 #include "session_options.h"
 #include "strictness.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
@@ -43,6 +44,8 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
                  const std::vector<Finding>& findings, const std::optional<double>& element_mm) {
   Json j;
   j["schema"] = "toothprep-replay";
+  j["toothprep_version"] = kVersion;
+  j["build"] = build_text();
   j["steps"] = trace.rows.size() - 1;
   j["seconds_simulated"] = r.seconds_simulated;
   j["realtime_factor"] = r.seconds_simulated / r.seconds_computed;

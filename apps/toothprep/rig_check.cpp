@@ -9,6 +9,7 @@
 
 #include "command.h"
 #include "strictness.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/session/replay.h"
@@ -94,8 +95,9 @@ void run(const Options& o, const Common& common) {
     throw InputError(o.session, "", e.what());
   }
 
-  const std::string json = report_json(
-      report, recording, std::filesystem::path(o.session).filename().string(), kVersion);
+  const std::string json =
+      report_json(report, recording, std::filesystem::path(o.session).filename().string(), kVersion,
+                  build_text());
   if (!output.empty()) write_file(output, json);
   if (!folder.empty()) {
     write_file(folder + "/report.json", json);

@@ -10,6 +10,7 @@
 #include "score_report.h"
 #include "session_options.h"
 #include "strictness.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/io/outputs.h"
@@ -97,6 +98,7 @@ void run(Options o, const Common& common) {
         {"rubric", o.rubric.empty() ? "the shipped rubric for " + assessment.sheet.type : o.rubric,
          sha256_of_file(rubric)});
   assessment.sheet.toothprep_version = kVersion;
+  assessment.sheet.build = build_text();
 
   warn_or_refuse(assessment.sheet.warnings, o.strict);
   write_score(assessment.sheet, output);

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "command.h"
+#include "toothprep/build_info.h"
 #include "toothprep/proof/specimen/cavity.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
@@ -60,11 +61,9 @@ CavityOptions cavity_of(const Options& o) {
 
 // A dotted key becomes a member of an object.
 Json truth_json(const CavityOptions& cavity, const CavityTruth& truth) {
-  Json json = {{"schema", "toothprep-cavity-truth"},
-               {"schema_version", 1},
-               {"toothprep_version", kVersion},
-               {"voxel_mm", cavity.voxel},
-               {"offset_mm", cavity.offset}};
+  Json json = {{"schema", "toothprep-cavity-truth"}, {"schema_version", 1},
+               {"toothprep_version", kVersion},      {"build", build_text()},
+               {"voxel_mm", cavity.voxel},           {"offset_mm", cavity.offset}};
   for (const TruthFigure& figure : truth) {
     const auto dot = figure.key.find('.');
     Json& place = dot == std::string::npos

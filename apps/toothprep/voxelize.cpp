@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/json_text.h"
@@ -17,6 +18,7 @@
 #include "toothprep/tools/segmentation/scan_report.h"
 #include "toothprep/tools/segmentation/voxelize_file.h"
 #include "toothprep/tools/shells/shells.h"
+#include "toothprep/version.h"
 
 namespace toothprep::app {
 namespace {
@@ -147,6 +149,8 @@ void finish(const LayeredTooth& tooth, const Options& options, const Common& com
   if (!options.json) return;
   nlohmann::json json = {{"schema", "toothprep-voxelize"},
                          {"schema_version", 1},
+                         {"toothprep_version", kVersion},
+                         {"build", build_text()},
                          {"source", tooth.provenance.at("source")},
                          {"source_sha256", tooth.provenance.at("source_sha256")},
                          {"tooth", options.output},
@@ -233,7 +237,7 @@ void run_scan(const Options& options, const Common& common) {
   job.how.keep_greys = !report_folder.empty();
   const auto [tooth, report] = with_line_ended(terminal, [&] { return voxelize_file(job); });
   if (!report_folder.empty()) {
-    write_scan_report(report_folder, tooth, report);
+    write_scan_report(report_folder, tooth, report, kVersion, build_text());
     if (!run_script("plot-scan-report", {report_folder})) throw Error("plot-scan-report failed");
   }
   for (const auto& note : report.notes) warn(options.scan + ": " + note);

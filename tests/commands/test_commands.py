@@ -124,12 +124,30 @@ class Commands(CommandTest):
     def test_wrong_usage_is_exit_2_and_help_is_0(self):
         for args in ((), ("frobnicate",), ("replay",), ("mesh", "block.vdb"), ("replay", "--drive", "sideways")):
             self.assertEqual(self.run_tool(*args).returncode, 2, args)
-        self.assertEqual(self.run_tool("--version").returncode, 0)
+        self.assertRegex(self.run_ok("--version").stdout, r"^toothprep \d+\.\d+\.\d+\n$")
         for command in ("specimen block", "specimen molar", "specimen scan", "voxelize", "info", "replay", "export",
                         "mesh"):
             done = self.run_tool(*command.split(), "--help")
             self.assertEqual(done.returncode, 0, command)
             self.assertIn("Example", done.stdout, command)
+
+    def test_results_say_which_program_made_them(self):
+        version = json.loads(self.run_ok("--version", "--json").stdout)
+        self.assertEqual("toothprep " + version["toothprep_version"], self.run_ok("--version").stdout.strip())
+        self.assertEqual(version["build"], ", ".join(filter(None, map(version.get, ("build_type", "compiler", "commit")))))
+        self.assertGreaterEqual(set(version["libraries"]), {"OpenVDB", "HDF5", "ITK", "CGAL", "TBB", "Eigen3", "OpenSSL"})
+        for number in version["libraries"].values():
+            self.assertRegex(number, r"^\d+\.\d+")
+        self.write("way.csv", "time_s,x_mm,y_mm,z_mm\n0,0,9,0\n0.01,0,9,0\n")
+        self.run_ok("specimen", "block", "--size-mm", "2", "--enamel-mm", "1", "-o", "made.vdb")
+        self.run_ok("specimen", "cavity", "--kind", "box", "--original", "before.vdb", "-o", "after.vdb", "--truth", "truth.json")
+        replayed = self.run_ok("replay", "--tooth", "made.vdb", "--trajectory", "way.csv", "--bur", "ball:D1", "-o", "made.h5",
+                               "--json")
+        info = self.run_ok("info", "made.vdb", "--json")
+        scored = self.run_ok("score", "--original", "before.vdb", "--prepared", "after.vdb", "-o", "made.json", "--json")
+        for text in (replayed.stdout, info.stdout, scored.stdout, self.read("truth.json")):
+            result = json.loads(text)
+            self.assertEqual((result["toothprep_version"], result["build"]), (version["toothprep_version"], version["build"]))
 
     def test_library_of_burs_is_listed_and_every_one_can_be_used(self):
         names = [line.split()[0] for line in self.run_ok("replay", "--bur", "list").stdout.splitlines()]

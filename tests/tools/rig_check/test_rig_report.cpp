@@ -138,7 +138,7 @@ TEST(RigReport, AProtocolThatDoesNotParseIsAnError) {
 TEST(RigReport, JsonAndTablesHoldWhatTheReportHolds) {
   const SessionRecording r = testing::made_recording(5000, "rest 4 s");
   const RigReport report = check_rig(r, shipped(), kNoReplay);
-  const auto j = nlohmann::json::parse(report_json(report, r, "a.h5", "1.2"));
+  const auto j = nlohmann::json::parse(report_json(report, r, "a.h5", "1.2", "Release"));
   EXPECT_EQ(j["schema"], "toothprep-rig-check");
   EXPECT_EQ(j["ticks"], 5000);
   EXPECT_EQ(j["lines"].size(), rig_catalogue().size());

@@ -64,7 +64,7 @@ TEST(ScanReport, LeavesItsFilesWithAndWithoutGreys) {
     std::filesystem::create_directories(folder);
     VoxelizeReport report;
     if (greys) report.greys = scan;
-    write_scan_report(folder.string(), tooth, report);
+    write_scan_report(folder.string(), tooth, report, "1.2", "Release");
     EXPECT_EQ(std::filesystem::exists(folder / "histogram.csv"), greys);
     for (const char* file : {"report.json", "slice-x.csv", "slice-y.csv", "slice-z.csv"})
       EXPECT_GT(std::filesystem::file_size(folder / file), 100u) << file;

@@ -101,8 +101,8 @@ std::vector<FigureReport> run_figures(const FigureOptions& options) {
   std::string engines;
   for (const EngineKind engine : options.engines)
     engines += (engines.empty() ? "" : ", ") + std::string(name_of(engine));
-  write_report({options.version, to_toml(options.base), options.voxel, engines}, figures,
-               options.output);
+  write_report({options.version, options.build, to_toml(options.base), options.voxel, engines},
+               figures, options.output);
   return figures;
 }
 

@@ -17,8 +17,8 @@ struct FigureOptions {
   double voxel = 0.1;  // mm; feed experiments are also run at twice and at half of it
   Parameters base;     // under each experiment's own
   std::string bur_library;
-  std::string version;
-  std::string output;  // an existing folder; one folder per experiment is made in it
+  std::string version, build;  // of the program
+  std::string output;          // an existing folder; one folder per experiment is made in it
   // Called with the replays done, their number, and what was done last; one call at a time, from
   // any thread.
   std::function<void(int, int, const std::string&)> progress;

@@ -180,6 +180,7 @@ void write_report(const ReportHeader& header, const std::vector<FigureReport>& f
   j["schema"] = "toothprep-figures";
   j["schema_version"] = 1;
   j["toothprep_version"] = header.version;
+  j["build"] = header.build;
   j["voxel_mm"] = header.voxel_mm;
   j["engines"] = header.engines;
   j["parameters"] = header.parameters_toml;

@@ -108,7 +108,7 @@ struct FigureReport {
 };
 
 struct ReportHeader {
-  std::string version, parameters_toml;
+  std::string version, build, parameters_toml;
   double voxel_mm = 0;
   std::string engines;
 };

@@ -66,9 +66,12 @@ std::string table_csv(const std::vector<ItemRow>& rows) {
   return csv;
 }
 
-std::string table_json(const std::vector<ItemRow>& rows, const std::string& version) {
-  Json json = {
-      {"schema", "toothprep-batch"}, {"schema_version", 1}, {"toothprep_version", version}};
+std::string table_json(const std::vector<ItemRow>& rows, const std::string& version,
+                       const std::string& build) {
+  Json json = {{"schema", "toothprep-batch"},
+               {"schema_version", 1},
+               {"toothprep_version", version},
+               {"build", build}};
   json["done"] = std::count_if(rows.begin(), rows.end(),
                                [](const ItemRow& row) { return row.status == "done"; });
   json["failed"] = std::count_if(rows.begin(), rows.end(),

@@ -23,6 +23,7 @@ struct ItemRow {
 // Rows in their order; columns name, command, status, reason, then the figures' keys as they are
 // first seen. Quoted as RFC 4180 has it. Both end up whole or not at all.
 std::string table_csv(const std::vector<ItemRow>& rows);
-std::string table_json(const std::vector<ItemRow>& rows, const std::string& version);
+std::string table_json(const std::vector<ItemRow>& rows, const std::string& version,
+                       const std::string& build);
 
 }  // namespace toothprep

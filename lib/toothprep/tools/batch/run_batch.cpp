@@ -218,7 +218,7 @@ class Batch {
     }
     result.rows = std::move(rows);
     write_file(csv, table_csv(result.rows));
-    write_file(json, table_json(result.rows, o_.version));
+    write_file(json, table_json(result.rows, o_.version, o_.build));
     tables.publish();
     return result;
   }

@@ -21,7 +21,7 @@ struct BatchOptions {
   std::string folder;   // DIR; made if it isn't there
   std::string program;  // the program's path; runs as: program COMMAND ARGUMENTS
   std::vector<std::string> program_arguments;        // after the command: --quiet and the like
-  std::string version;                               // of the program
+  std::string version, build;                        // of the program
   int at_once = 1;                                   // children at a time
   bool redo = false;                                 // also what is done
   double time_limit = 0;                             // of an item, s; 0: none

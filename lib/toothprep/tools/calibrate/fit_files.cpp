@@ -123,6 +123,7 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
   j["schema"] = "toothprep-fit";
   j["schema_version"] = 1;
   j["toothprep_version"] = sources.toothprep_version;
+  j["build"] = sources.build;
   j["tooth"] = sources.tooth;
   j["tooth_sha256"] = sources.tooth_sha256;
   j["bur"] = sources.bur;

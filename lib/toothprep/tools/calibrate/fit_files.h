@@ -12,6 +12,7 @@ namespace toothprep {
 struct FitSources {
   std::string toothprep_version, tooth, tooth_sha256, bur;
   std::vector<std::string> recording_sha256;
+  std::string build;  // of the program
 };
 
 // Schema toothprep-fit; keys carry their units, and what isn't identifiable is null beside its

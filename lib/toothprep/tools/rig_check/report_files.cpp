@@ -46,12 +46,14 @@ void write_histogram(std::vector<double> values, double unit, const char* name,
 }  // namespace
 
 std::string report_json(const RigReport& report, const SessionRecording& r,
-                        const std::string& session, const std::string& version) {
+                        const std::string& session, const std::string& version,
+                        const std::string& build) {
   const SessionHeader& h = r.header;
   Json j;
   j["schema"] = "toothprep-rig-check";
   j["schema_version"] = 1;
   j["toothprep_version"] = version;
+  j["build"] = build;
   j["session"] = session;
   j["session_toothprep_version"] = h.trace.toothprep_version;
   j["device_kind"] = h.device_kind;

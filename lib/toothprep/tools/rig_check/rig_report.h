@@ -63,9 +63,10 @@ RigReport check_rig(const SessionRecording& recording, const RigLimits& limits,
                     const Measured<std::vector<StepRecord>>& replayed);
 
 // The whole report as JSON text (schema toothprep-rig-check), keys flat and with their units.
-// `session`: the recording's name.
+// `session`: the recording's name; `version` and `build`: the program's.
 std::string report_json(const RigReport& report, const SessionRecording& recording,
-                        const std::string& session, const std::string& version);
+                        const std::string& session, const std::string& version,
+                        const std::string& build);
 
 // What scripts/plot-rig-check draws, beside report.json: periods.csv, step-cost.csv (histograms),
 // trace.csv (thinned: least and most of each block), levels.csv and step.csv where there are.

@@ -41,7 +41,8 @@ struct Assessment {                       // everything that was measured
   TriangleMesh preparation_surface;       // on which it was measured
   std::optional<Trace> trace;             // with a recording
   std::optional<ProcessFigures> process;  // with a recording
-  ScoreSheet sheet;  // with the rubric's result if there is a rubric; toothprep_version is not set
+  ScoreSheet
+      sheet;  // with the rubric's result if there is a rubric; toothprep_version and build are not set
 };
 
 // Throws InputError or Error as the parts do: files that can't be read, meshes that aren't closed,

@@ -68,6 +68,7 @@ std::string score_json(const ScoreSheet& sheet) {
   j["schema"] = "toothprep-score";
   j["schema_version"] = 1;
   j["toothprep_version"] = sheet.toothprep_version;
+  j["build"] = sheet.build;
   j["inputs"] = Json::object();
   for (const ScoreInput& input : sheet.inputs)
     j["inputs"][input.role] = {{"file", input.file}, {"sha256", input.sha256}};

@@ -1,6 +1,6 @@
 // score.json: what was scored, how, with what result.
 //
-//   schema "toothprep-score", schema_version 1, toothprep_version
+//   schema "toothprep-score", schema_version 1, toothprep_version, build
 //   inputs       {original: {file, sha256}, prepared: ..., ...}
 //   options      {type, type_from, axis, axis_from, voxel_mm, ...}
 //   QUANTITIES   at the top level; a dot in a key makes an object ("removed_mm3": {"enamel": ...}).
@@ -32,7 +32,7 @@ struct ScoreInput {
 };
 
 struct ScoreSheet {
-  std::string toothprep_version;
+  std::string toothprep_version, build;  // of the program: version.h, build_info.h
   std::vector<ScoreInput> inputs;
   std::string type, type_from;     // "class1"; "given", "the rubric", "found"
   std::optional<Vec3> axis;        // unit, W: from the tooth towards its opening

@@ -174,11 +174,14 @@ EnamelThickness enamel_thickness(const LayeredTooth& tooth) {
 }
 
 void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
-                       const VoxelizeReport& report) {
+                       const VoxelizeReport& report, const std::string& version,
+                       const std::string& build) {
   const ImageVolume<float>* scan = report.greys.data.empty() ? nullptr : &report.greys;
   nlohmann::ordered_json j;
   j["schema"] = "toothprep-scan-report";
   j["schema_version"] = 1;
+  j["toothprep_version"] = version;
+  j["build"] = build;
   j["voxel_mm"] = tooth.lattice.voxel;
   const PerTissue<double> volumes = remaining_volumes_mm3(tooth);
   for (int k = 0; k < kTissueCount; ++k) j["volume_mm3"][std::string(kTissueNames[k])] = volumes[k];

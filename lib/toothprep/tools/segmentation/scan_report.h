@@ -24,8 +24,9 @@ EnamelThickness enamel_thickness(const LayeredTooth& tooth);
 // around it), and slice-x.csv, slice-y.csv, slice-z.csv (u_mm,v_mm,grey,tissue: the planes through
 // the middle of the solid's box, across that axis). Greys are those kept in the report, averaged
 // where the scan is finer than the tooth; a segmentation has none. scripts/plot-scan-report draws
-// them. Throws Error if a file can't be written.
+// them. `version` and `build` are the program's. Throws Error if a file can't be written.
 void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
-                       const VoxelizeReport& report);
+                       const VoxelizeReport& report, const std::string& version,
+                       const std::string& build);
 
 }  // namespace toothprep
