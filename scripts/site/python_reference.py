@@ -119,7 +119,7 @@ def reference(module):
                 calls, text = signature_and_text(key, member)
                 calls = stub.get(f"{name}.{key}", calls)
                 calls = [c.replace("__init__(", f"{name}(", 1).removesuffix(" -> None") for c in calls]
-                if calls == [f"{name}(/, *args, **kwargs)"]:  # made by other calls only
+                if calls == [f"{name}(self, /, *args, **kwargs)"]:  # made by other calls only
                     continue
                 lines += ["", shown(calls), "", readable(text)]
             else:
