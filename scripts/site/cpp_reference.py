@@ -1,4 +1,5 @@
 """The C++ reference: Doxygen over the public headers. Its warnings are faults."""
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -29,7 +30,7 @@ WARN_LOGFILE = {log}
 """
 
 FIRST_PAGE = """/** @mainpage
-<a href="../index.html">All pages of toothprep</a>.
+<a href="../index.html">All pages of toothprep</a>. How to build against it: <a href="../data/library.html">the C++ library</a>.
 
 What a program includes, header by header: <a href="files.html">files</a>. Types: <a href="annotated.html">classes</a>.
 Functions: <a href="namespacetoothprep.html">namespace</a>. Inside, lengths are in mm, times in s, forces in N
@@ -43,13 +44,11 @@ Named conversions between the internal units and those of files and options. */
 
 
 def public_headers():
-    lib = ROOT / "lib" / "toothprep"
-    return [lib / n for n in """step/core/errors.h step/core/geometry.h step/core/parameters.h step/core/step_record.h
-    step/core/tissue.h step/core/units.h step/tooth/brick_grid.h step/tooth/layered_tooth.h step/bur/bur.h
-    step/bur/bur_library.h step/bur/bur_shapes.h step/bur/profile.h step/grinding/engine.h step/grinding/workpiece.h
-    step/session/replay.h tools/files/tooth_file.h tools/files/trace.h tools/files/trace_file.h tools/files/session_file.h tools/trajectory/trajectory.h
-    tools/device/haptic_device.h tools/device/simulated_device.h tools/mesh/surface.h
-    tools/score/assess.h tools/calibrate/calibration.h""".split() if (lib / n).exists()]
+    """Those that are installed: PUBLIC_HEADERS of each module's CMakeLists.txt."""
+    for declaration in sorted(ROOT.glob("lib/toothprep/*/*/CMakeLists.txt")):
+        names = re.search(r"PUBLIC_HEADERS((?:\s+[\w/]+\.h)+)", declaration.read_text(encoding="utf-8"))
+        for name in names[1].split() if names else []:
+            yield declaration.parent / name
 
 
 def build_cpp_reference(out, headers=None):

@@ -16,18 +16,18 @@ struct SessionTotals {
   double torque_work = 0;       // N·mm = mJ: integral of 2 pi N T_z over the steps that turn
   PerTissue<double> removed{};  // mm³
   PerTissue<double> initial_overlap{};  // mm³, inside the bur at the first sample; not in `removed`
-  long stalled_steps = 0;
-  long stall_onsets = 0;
-  long contact_steps = 0;
-  long rejected_steps = 0;  // not made, since the handle's reading was rejected
-  long shank_contact_steps = 0;
-  long split_steps = 0;            // that went in parts, since the bur was fast
+  long stalled_steps = 0;               // in which any part stalled
+  long stall_onsets = 0;                // steps that began a stall
+  long contact_steps = 0;               // in which tissue was met
+  long rejected_steps = 0;              // not made, since the handle's reading was rejected
+  long shank_contact_steps = 0;         // in which the shank met tissue
+  long split_steps = 0;                 // that went in parts, since the bur was fast
   long split_steps_cut_short = 0;  // of these: in fewer parts than wanted, to keep the time budget
   double largest_lag = 0;          // mm, bur behind the handle
   double peak_device_force = 0;    // N
 };
 
-class Session {
+class Session {  // for one thread at a time; several run side by side
  public:
   // Keeps references to bur and workpiece, which must outlive it. `parameters` must be valid
   // (core/parameters.h). Tissue inside the bur at `first` is removed. Throws Error if the bur is
@@ -35,8 +35,8 @@ class Session {
   // quarter of its radius, or if `first` isn't finite.
   Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
           const HandleSample& first);
-  ~Session();
-  Session(Session&&) noexcept;
+  ~Session();                   // bur and workpiece stay
+  Session(Session&&) noexcept;  // what is left behind can only be destroyed
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
@@ -51,7 +51,7 @@ class Session {
   // Removes what is still due and brings the volumes of the last record up to date.
   void finish(StepRecord& last) noexcept;
 
-  const SessionTotals& totals() const noexcept;
+  const SessionTotals& totals() const noexcept;  // so far
 
  private:
   class Work;

@@ -10,9 +10,9 @@ namespace toothprep {
 
 // What a fit was made from.
 struct FitSources {
-  std::string toothprep_version, tooth, tooth_sha256, bur;
-  std::vector<std::string> recording_sha256;
-  std::string build;  // of the program
+  std::string toothprep_version, tooth, tooth_sha256, bur;  // as in a trace
+  std::vector<std::string> recording_sha256;                // per recording
+  std::string build;                                        // of the program
 };
 
 // Schema toothprep-fit; keys carry their units, and what isn't identifiable is null beside its

@@ -13,7 +13,7 @@ struct FeedCounts {
   std::uint64_t ring_full = 0;          // ticks that found no room
 };
 
-struct DisplayStats {
+struct DisplayStats {                          // of the worker that meshes what changed
   std::uint64_t passes = 0, publications = 0;  // passes that changed nothing publish nothing
   double rate = 0;                             // Hz, of the worker's passes while it ran
   double longest_gap = 0;                      // s, between the starts of two passes
@@ -24,7 +24,7 @@ struct DisplayStats {
   // s, from the end of the step that changed a brick visibly, noted by tick(), to its mesh's
   // publication.
   double latency_median = 0, latency_99 = 0, latency_worst = 0;
-  FeedCounts feed;
+  FeedCounts feed;      // of the way there
   std::string failure;  // why the worker gave up; empty while it did not
 };
 

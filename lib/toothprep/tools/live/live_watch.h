@@ -11,19 +11,19 @@
 
 namespace toothprep {
 
-struct LiveWatch {
+struct LiveWatch {             // of the main thread while the servo runs
   double duration = 0;         // s; 0: until it is stopped
   double stale = 0.1;          // s without a tick: the servo hangs
   double first_pose_wait = 5;  // s
   // Asks the system to run the servo's thread before all others (SCHED_FIFO) and to keep the
   // program in memory; the result goes to report_scheduling.
   bool real_time = false;
-  std::function<void(const std::string&)> report_scheduling;
+  std::function<void(const std::string&)> report_scheduling;  // a sentence
   std::function<bool()> stop_asked;  // looked at every few ms: a signal, a key
   std::function<void(const LiveStatus&, const DeviceStatus&)> report;  // a few times a second
 };
 
-struct LiveEnd {
+struct LiveEnd {        // how it ended
   std::string reason;   // "duration", "asked to stop", or the fault's line
   bool fault = false;   // not a normal end
   DeviceStatus device;  // as it was when it ended

@@ -12,7 +12,7 @@ namespace toothprep {
 // Counts in steps of a microsecond.
 class Microseconds {
  public:
-  void add(double seconds) noexcept {
+  void add(double seconds) noexcept {  // one entry
     const double us = 1e6 * seconds;
     ++counts_[static_cast<std::size_t>(std::clamp(us, 0.0, kBins - 1.0))];
     ++total_;
@@ -28,8 +28,8 @@ class Microseconds {
     }
     return worst_;
   }
-  double worst() const noexcept { return worst_; }
-  std::int64_t total() const noexcept { return total_; }
+  double worst() const noexcept { return worst_; }        // us
+  std::int64_t total() const noexcept { return total_; }  // entries
 
  private:
   static constexpr int kBins = 10000;  // 10 ms
@@ -38,12 +38,12 @@ class Microseconds {
   double worst_ = 0;
 };
 
-struct TickStatistics {
-  Microseconds step, period;
-  std::int64_t ticks = 0, missed = 0, clamped = 0, rate_limited = 0, heat_limited = 0;
-  double last_time = 0;
+struct TickStatistics {       // over a whole run
+  Microseconds step, period;  // CPU time of a tick; between ticks
+  std::int64_t ticks = 0, missed = 0, clamped = 0, rate_limited = 0, heat_limited = 0;  // counts
+  double last_time = 0;                                                                 // s
 
-  void add(const LiveTick& tick) noexcept {
+  void add(const LiveTick& tick) noexcept {  // one tick
     step.add(tick.step_seconds);
     if (ticks > 0) {
       period.add(tick.servo_time - last_time);

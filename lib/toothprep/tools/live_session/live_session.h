@@ -19,24 +19,24 @@
 
 namespace toothprep {
 
-struct LiveSettings {
-  Parameters parameters;
-  Drive drive = Drive::kCoupled;
-  Registration registration;
-  Vec3 start = Vec3::Zero();  // mm, W: where the hand starts, unless the registration says
-  ForceLimits limits;
-  LiveButtons buttons;
-  double display_hz = 0;  // of a surface for a display; 0: none
-  LiveWatch watch;
+struct LiveSettings {             // what the options of `toothprep live` say
+  Parameters parameters;          // of the model; time step: the device's period
+  Drive drive = Drive::kCoupled;  // kDirect renders the grinding force itself
+  Registration registration;      // D to W
+  Vec3 start = Vec3::Zero();      // mm, W: where the hand starts, unless the registration says
+  ForceLimits limits;             // the session's own
+  LiveButtons buttons;            // pedal and clutch
+  double display_hz = 0;          // of a surface for a display; 0: none
+  LiveWatch watch;                // ends the session
   std::function<void(const std::string&)> warn;  // of a recording that stops early; may be empty
 };
 
-struct LiveOutcome {
-  RecordedRun run;
+struct LiveOutcome {                    // of a session that is over
+  RecordedRun run;                      // how it ended, ticks, recording
   std::optional<SessionTotals> totals;  // absent if the session never began
   Audit audit;                          // of the totals
   std::vector<Finding> findings;        // implausible parameters, forces, audit
-  std::optional<DisplayStats> display;
+  std::optional<DisplayStats> display;  // with a display
 };
 
 // 3 mm above the solid of the tooth, in the direction that the registration calls up; mm, W.

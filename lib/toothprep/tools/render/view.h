@@ -15,9 +15,9 @@ namespace toothprep {
 
 // The directions of a tooth in W, unit and at right angles.
 struct ToothAxes {
-  Vec3 occlusal = Vec3::UnitZ();
-  Vec3 mesial = -Vec3::UnitY();
-  Vec3 buccal = Vec3::UnitX();
+  Vec3 occlusal = Vec3::UnitZ();  // out of the mouth's bone
+  Vec3 mesial = -Vec3::UnitY();   // along the arch to its middle
+  Vec3 buccal = Vec3::UnitX();    // to the cheek
 };
 
 // From a tooth's provenance: `axis_occlusal`, `axis_mesial`, `axis_buccal` as "x y z" of any
@@ -26,8 +26,8 @@ struct ToothAxes {
 // parallel.
 ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance);
 
-struct View {
-  std::string name = "oblique";
+struct View {                       // from where a tooth is seen
+  std::string name = "oblique";     // for reports
   Vec3 direction = -Vec3::UnitZ();  // from the eye into the picture, W; any length
   Vec3 up = Vec3::UnitY();          // upward in the picture, W; need not be square to `direction`
 };
@@ -48,11 +48,11 @@ View turned(View view, const Vec3& axis, double angle);
 //   origin + mm_per_pixel * ((x + 1/2 - width / 2) * right - (y + 1/2 - height / 2) * up).
 // Depth is the distance from that plane, mm.
 struct Camera {
-  std::string view = "oblique";
-  Vec3 origin = Vec3::Zero();  // mm, W; nothing that is drawn lies behind it
+  std::string view = "oblique";  // the view's name
+  Vec3 origin = Vec3::Zero();    // mm, W; nothing that is drawn lies behind it
   Vec3 right = Vec3::UnitX(), up = Vec3::UnitY(), forward = -Vec3::UnitZ();  // unit, W
-  int width = 0, height = 0;
-  double mm_per_pixel = 1;
+  int width = 0, height = 0;                                                 // pixels
+  double mm_per_pixel = 1;                                                   // scale
 
   // Where the place `x`, `y` pixels from the top left corner lies, mm, W.
   Vec3 place(double x, double y) const {
@@ -60,12 +60,12 @@ struct Camera {
   }
 };
 
-struct Fit {
+struct Fit {                       // how large a picture, and of what
   int width = 1200, height = 900;  // pixels
   double margin = 0.06;            // of the picture, left free at each side
-  double zoom = 1;
-  std::optional<Vec3> centre;  // W: what stands in the middle; else that of the meshes' outline
-  double mm_per_pixel = 0;     // if not 0: this, whatever would fit
+  double zoom = 1;                 // times what would fit
+  std::optional<Vec3> centre;      // W: what stands in the middle; else that of the meshes' outline
+  double mm_per_pixel = 0;         // if not 0: this, whatever would fit
 };
 
 // The camera in which all of the meshes' vertices are seen (unless zoomed).

@@ -25,22 +25,22 @@
 
 namespace toothprep {
 
-struct ScoreInput {
+struct ScoreInput {    // a file that was read
   std::string role;    // "original", "prepared", "target", "trace", "rubric": the key
   std::string file;    // as the user wrote it
   std::string sha256;  // of the file
 };
 
-struct ScoreSheet {
+struct ScoreSheet {                      // what score.json holds
   std::string toothprep_version, build;  // of the program: version.h, build_info.h
-  std::vector<ScoreInput> inputs;
-  std::string type, type_from;     // "class1"; "given", "the rubric", "found"
-  std::optional<Vec3> axis;        // unit, W: from the tooth towards its opening
-  std::string axis_from;           // "given", "found"
-  std::optional<double> voxel_mm;  // the coarser of both teeth
+  std::vector<ScoreInput> inputs;        // all files
+  std::string type, type_from;           // "class1"; "given", "the rubric", "found"
+  std::optional<Vec3> axis;              // unit, W: from the tooth towards its opening
+  std::string axis_from;                 // "given", "found"
+  std::optional<double> voxel_mm;        // the coarser of both teeth
   std::vector<std::pair<std::string, std::string>>
-      other_options;  // key, value; written as they are
-  Quantities quantities;
+      other_options;                   // key, value; written as they are
+  Quantities quantities;               // keys are unique
   std::optional<RubricResult> result;  // nothing: no rubric
   std::vector<std::string> notes;      // remarks; the rubric's own are added
   std::vector<std::string> warnings;   // of inputs that can be read but not be meant
