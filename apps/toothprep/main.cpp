@@ -23,6 +23,7 @@
 #include "toothprep/tools/io/part.h"
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/version.h"
+#include "wrong_usage.h"
 
 namespace toothprep::app {
 namespace {
@@ -109,9 +110,9 @@ int run(int argc, char** argv) {
   app.add_option("--threads", common.threads, "Threads for offline work (0: all cores)")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  for (const AddCommand add :
-       {add_specimen, add_voxelize, add_info, add_replay, add_export, add_mesh, add_figures,
-        add_live, add_rig_check, add_calibrate, add_batch, add_render, add_score})
+  for (const AddCommand add : {add_specimen, add_voxelize, add_info, add_replay, add_export,
+                               add_mesh, add_figures, add_live, add_rig_check, add_calibrate,
+                               add_batch, add_render, add_score, add_help, add_completion})
     add(app, common);
   check_numbers(app);
   std::optional<tbb::global_control> limit;
@@ -123,10 +124,12 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     std::ostringstream out, error;
-    const int status = app.exit(e, out, error);
-    std::cout << out.str();
-    std::cerr << terminal_text(error.str());
-    return status == 0 ? 0 : 2;
+    if (!names_unknown_command(app) && app.exit(e, out, error) == 0) {  // --help, --version
+      std::cout << out.str();
+      return 0;
+    }
+    std::cerr << terminal_text(wrong_usage(app, e));
+    return 2;
   }
   if (!std::cout.flush() || std::fflush(stdout) != 0) throw Error("stdout cannot be written");
   return 0;
