@@ -4,7 +4,7 @@
 namespace toothprep {
 
 const fuzz::Registered k_bur_profile({"bur_profile", {"bur.toml"}, [](const std::string& path) {
-                                        read_bur_file(path);
+                                        static_cast<void>(read_bur_file(path));
                                       }});
 
 }  // namespace toothprep

@@ -11,9 +11,9 @@ namespace {
 // The same bytes as each of what an HDF5 file may be: the name says which.
 void read_hdf5(const std::string& path) {
   const std::string name = std::filesystem::path(path).stem().string();
-  if (name == "trace" && is_trace_file(path)) read_trace(path);
-  if (name == "session" && is_session_file(path)) read_session(path);
-  if (name == "path") read_h5_trajectory(path);
+  if (name == "trace" && is_trace_file(path)) static_cast<void>(read_trace(path));
+  if (name == "session" && is_session_file(path)) static_cast<void>(read_session(path));
+  if (name == "path") static_cast<void>(read_h5_trajectory(path));
   if (name == "rig") read_recording(path);
 }
 

@@ -5,6 +5,8 @@ namespace toothprep {
 
 const fuzz::Registered k_registration({"registration",
                                        {"registration.toml"},
-                                       [](const std::string& path) { read_registration(path); }});
+                                       [](const std::string& path) {
+                                         static_cast<void>(read_registration(path));
+                                       }});
 
 }  // namespace toothprep

@@ -4,7 +4,7 @@
 namespace toothprep {
 
 const fuzz::Registered k_rubric({"rubric", {"rubric.toml"}, [](const std::string& path) {
-                                   read_rubric(path);
+                                   static_cast<void>(read_rubric(path));
                                  }});
 
 }  // namespace toothprep

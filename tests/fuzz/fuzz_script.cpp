@@ -4,7 +4,7 @@
 namespace toothprep {
 
 const fuzz::Registered k_script({"script", {"path.toml"}, [](const std::string& path) {
-                                   read_script(path);
+                                   static_cast<void>(read_script(path));
                                  }});
 
 }  // namespace toothprep

@@ -3,7 +3,10 @@
 
 namespace toothprep {
 
-const fuzz::Registered k_trajectory_csv(
-    {"trajectory_csv", {"path.csv"}, [](const std::string& path) { read_csv_trajectory(path); }});
+const fuzz::Registered k_trajectory_csv({"trajectory_csv",
+                                         {"path.csv"},
+                                         [](const std::string& path) {
+                                           static_cast<void>(read_csv_trajectory(path));
+                                         }});
 
 }  // namespace toothprep

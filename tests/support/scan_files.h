@@ -70,7 +70,7 @@ inline void expect_same(const ImageVolume<float>& read, const ImageVolume<std::i
 // The error's text, which must be one line that names the file.
 inline std::string refusal(const std::string& path, const ScanReadOptions& options = {}) {
   try {
-    read_scan(path, options);
+    static_cast<void>(read_scan(path, options));
   } catch (const InputError& e) {
     EXPECT_THAT(e.what(), testing::StartsWith(path));
     EXPECT_THAT(e.what(), testing::Not(HasSubstr("\n")));

@@ -88,12 +88,14 @@ TEST(ClosedForms, DroopUnderImposedForceFeedsFastestAtHalfTheStallTorque) {
 }
 
 TEST(ClosedForms, RefuseWhatIsNotPositive) {
-  EXPECT_THROW(cylinder_side_feed({300, 0, 100}, 0.6, 3, 0.5), Error);
-  EXPECT_THROW(cylinder_side_feed({300, 0.25, 0}, 0.6, 3, 0.5), Error);
-  EXPECT_THROW(ball_side_feed(kEnamel, -0.6, 0.5), Error);
-  EXPECT_THROW(flat_end_plunge(kEnamel, 0.6, std::nan("")), Error);
-  EXPECT_THROW(cylinder_stall_speed({0, 0.25, 100}, 0.6, 3, 1.2), Error);
-  EXPECT_THROW(droop_imposed_feed(5000, std::numeric_limits<double>::infinity(), 1), Error);
+  EXPECT_THROW(static_cast<void>(cylinder_side_feed({300, 0, 100}, 0.6, 3, 0.5)), Error);
+  EXPECT_THROW(static_cast<void>(cylinder_side_feed({300, 0.25, 0}, 0.6, 3, 0.5)), Error);
+  EXPECT_THROW(static_cast<void>(ball_side_feed(kEnamel, -0.6, 0.5)), Error);
+  EXPECT_THROW(static_cast<void>(flat_end_plunge(kEnamel, 0.6, std::nan(""))), Error);
+  EXPECT_THROW(static_cast<void>(cylinder_stall_speed({0, 0.25, 100}, 0.6, 3, 1.2)), Error);
+  EXPECT_THROW(
+      static_cast<void>(droop_imposed_feed(5000, std::numeric_limits<double>::infinity(), 1)),
+      Error);
 }
 
 }  // namespace

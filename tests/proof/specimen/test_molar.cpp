@@ -318,7 +318,7 @@ TEST(Molar, IsTheSameForAnyNumberOfThreads) {
 TEST(Molar, RefusesAnAbsurdVoxel) {
   for (const double bad : {0.0, -0.1, 0.6, 1e-9, std::numeric_limits<double>::quiet_NaN(),
                            std::numeric_limits<double>::infinity()})
-    EXPECT_THROW(make_molar({.voxel = bad}), Error);
+    EXPECT_THROW(static_cast<void>(make_molar({.voxel = bad})), Error);
 }
 
 }  // namespace

@@ -236,10 +236,13 @@ TEST(LayeredTooth, RefusesLatticesAndSizesThatCannotBe) {
   const Index3 one = Index3::Ones();
   for (const double voxel :
        {0.0, -0.1, 10.1, std::nan(""), std::numeric_limits<double>::infinity()})
-    EXPECT_THROW(make_empty_tooth(lattice_of(voxel), -one, one), Error) << voxel;
-  EXPECT_THROW(make_empty_tooth(lattice_of(0.1, Vec3(0, std::nan(""), 0)), -one, one), Error);
-  EXPECT_THROW(make_empty_tooth(lattice_of(0.1), one, -one), Error);
-  EXPECT_THROW(make_empty_tooth(lattice_of(0.1), -one, Index3::Constant(3000)), Error);
+    EXPECT_THROW(static_cast<void>(make_empty_tooth(lattice_of(voxel), -one, one)), Error) << voxel;
+  EXPECT_THROW(
+      static_cast<void>(make_empty_tooth(lattice_of(0.1, Vec3(0, std::nan(""), 0)), -one, one)),
+      Error);
+  EXPECT_THROW(static_cast<void>(make_empty_tooth(lattice_of(0.1), one, -one)), Error);
+  EXPECT_THROW(static_cast<void>(make_empty_tooth(lattice_of(0.1), -one, Index3::Constant(3000))),
+               Error);
 }
 
 }  // namespace

@@ -160,12 +160,12 @@ TEST_F(Files, AMeshThatIsNotClosedIsRefusedWithThePlaceOfTheHole) {
   open.triangles.resize(open.triangles.size() - 5);
   write_mesh(open, path("open.stl"));
   EXPECT_THAT(
-      [&] { read_solid(path("open.stl"), 0.5); },
+      [&] { static_cast<void>(read_solid(path("open.stl"), 0.5)); },
       ThrowsMessage<InputError>(AllOf(HasSubstr("open.stl"), HasSubstr("does not bound a solid"),
                                       HasSubstr("has a hole"))));
-  EXPECT_THAT([&] { read_solid(path("nothing.step"), 0.5); },
+  EXPECT_THAT([&] { static_cast<void>(read_solid(path("nothing.step"), 0.5)); },
               ThrowsMessage<InputError>(HasSubstr(".vdb, .stl")));
-  EXPECT_THROW(read_solid(path("absent.vdb"), 0.5), InputError);
+  EXPECT_THROW(static_cast<void>(read_solid(path("absent.vdb"), 0.5)), InputError);
 }
 
 }  // namespace

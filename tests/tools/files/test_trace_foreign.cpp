@@ -45,9 +45,9 @@ class ForeignPrograms : public ::testing::Test {
   std::string refusal(const std::string& path, bool as_trace) {
     try {
       if (as_trace)
-        read_trace(path);
+        static_cast<void>(read_trace(path));
       else
-        read_h5_trajectory(path);
+        static_cast<void>(read_h5_trajectory(path));
     } catch (const InputError& e) {
       return e.what();
     }

@@ -235,9 +235,10 @@ TEST_F(Live, ATransientFaultWithholdsTheForceAndTheSessionGoesOn) {
 TEST_F(Live, AnExceptionOnTheMainThreadLeavesZeroForceToo) {
   device_ = std::make_unique<SimulatedDevice>(grinding_hand());
   LiveLoop loop(no_watch(), {}, nullptr);
-  EXPECT_THROW(run_live(*device_, loop, same_frame(), {}, 1e-3,
-                        [](const Pose&) -> Session& { throw Error("no session"); }, {}),
-               Error);
+  EXPECT_THROW(
+      static_cast<void>(run_live(*device_, loop, same_frame(), {}, 1e-3,
+                                 [](const Pose&) -> Session& { throw Error("no session"); }, {})),
+      Error);
   EXPECT_EQ(device_->status().state, ServoState::kStopped);
   EXPECT_EQ(device_->status().force, Vec3::Zero());
 }

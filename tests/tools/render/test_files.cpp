@@ -141,7 +141,7 @@ TEST(Picture, BackgroundShowsWhereNothingIs) {
   EXPECT_EQ(pair.rgb[3 * 67 + 1], 200);
   Picture low = picture;
   low.height = 40;
-  EXPECT_THROW(side_by_side({picture, low}), Error);
+  EXPECT_THROW(static_cast<void>(side_by_side({picture, low})), Error);
 }
 
 TEST(PlyValues, PropertyFollowsItsVertex) {

@@ -319,7 +319,7 @@ TEST_F(Assess, EveryFigureHasItsDefinitionAndItsUnit) {
 TEST_F(Assess, TheTypeIsTheRubricsUnlessAnotherIsGiven) {
   AssessmentOptions options = files_of(class1_box(6), PreparationType::kCrown);
   options.rubric = read_rubric(TOOTHPREP_SOURCE_DIR "/data/rubrics/class1.toml");
-  EXPECT_THROW(assess(options), Error);
+  EXPECT_THROW(static_cast<void>(assess(options)), Error);
   options.type.reset();
   EXPECT_EQ(assess(options).sheet.type, "class1");
   EXPECT_EQ(assess(options).sheet.type_from, "the rubric");

@@ -194,7 +194,7 @@ TEST(Process, EveryFigureIsInTheTableWithItsUnit) {
 }
 
 TEST(Process, RecordingsWithoutStepsAndLimitsWithoutSenseAreRefused) {
-  EXPECT_THROW(process_figures({}, {}), Error);
+  EXPECT_THROW(static_cast<void>(process_figures({}, {})), Error);
   MadeRecording r;
   EXPECT_THROW(r.figures(), Error);
   r.step(0, 0.0);

@@ -48,7 +48,7 @@ VoxelizeOptions coarse() {
 
 std::string refusal(ScanSource& scan, const VoxelizeOptions& options = coarse()) {
   try {
-    voxelize_scan(scan, options);
+    static_cast<void>(voxelize_scan(scan, options));
   } catch (const Error& e) {
     return e.what();
   }

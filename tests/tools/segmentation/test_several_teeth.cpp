@@ -75,7 +75,7 @@ TEST(SeveralTeeth, EachCanBeChosenBySizeOrPlaceAndIsThenAlone) {
 
   const auto refused = [&](const char* why) {
     try {
-      voxelize_scan(scan, options);
+      static_cast<void>(voxelize_scan(scan, options));
       FAIL() << "no error";
     } catch (const Error& e) {
       EXPECT_THAT(e.what(), testing::HasSubstr(why));
@@ -136,10 +136,10 @@ TEST(Clipping, IsToldWhereManyVoxelsHaveTheHighestValue) {
   auto scan =
       phantom::scan_of(phantom::peg(), Vec3(-4.5, -4.5, -10.5), Vec3(4.5, 4.5, 5.5), scanner);
   VoxelizeReport report;
-  voxelize_scan(scan, coarse(), &report);
+  static_cast<void>(voxelize_scan(scan, coarse(), &report));
   EXPECT_THAT(report.notes, testing::Not(testing::Contains(testing::HasSubstr("clipped"))));
   for (float& grey : scan.data) grey = std::min(grey, 236.0f);
-  voxelize_scan(scan, coarse(), &report);
+  static_cast<void>(voxelize_scan(scan, coarse(), &report));
   EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("clipped")));
 }
 
@@ -166,7 +166,7 @@ TEST(Hounsfield, GreysWithoutAirAtMinusThousandAreDoubted) {
   VoxelizeOptions options = coarse();
   options.typical = {870, 1985};
   VoxelizeReport report;
-  voxelize_scan(scan, options, &report);
+  static_cast<void>(voxelize_scan(scan, options, &report));
   EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("are these Hounsfield units?")));
 }
 

@@ -37,7 +37,7 @@ void check(const Experiment& experiment, const FigureOptions& options) {
   for (const Run& run : experiment.runs) {
     const Parameters p = parameters_of(run, options.base, !run.literal.empty());
     path_of(run, p);
-    make_bur(run.bur, options.bur_library);
+    static_cast<void>(make_bur(run.bur, options.bur_library));
     if (exact && p.handpiece.model == HandpieceModel::kDroop &&
         std::isfinite(p.handpiece.stall_torque))
       throw Error(experiment.name +

@@ -34,33 +34,37 @@ struct Grinding {          // of that tissue
 };
 
 // radius and length in mm, speed in mm/s; the equations stand in data/physics.md.
-SteadyLoad cylinder_side_feed(const Grinding& g, double radius, double length, double speed);
-SteadyLoad ball_side_feed(const Grinding& g, double radius, double speed);
-SteadyLoad flat_end_plunge(const Grinding& g, double radius, double speed);
+[[nodiscard]] SteadyLoad cylinder_side_feed(const Grinding& g, double radius, double length,
+                                            double speed);
+[[nodiscard]] SteadyLoad ball_side_feed(const Grinding& g, double radius, double speed);
+[[nodiscard]] SteadyLoad flat_end_plunge(const Grinding& g, double radius, double speed);
 
 // Feed speed at which the cylinder's torque reaches tau_s, mm/s: tau_s pi N / (u R L); and its load
 // there, which no longer knows u, N or L: against = tau_s pi / (4 alpha R).
-double cylinder_stall_speed(const Grinding& g, double radius, double length, double stall_torque);
-SteadyLoad cylinder_at_stall(double force_ratio, double radius, double stall_torque);
+[[nodiscard]] double cylinder_stall_speed(const Grinding& g, double radius, double length,
+                                          double stall_torque);
+[[nodiscard]] SteadyLoad cylinder_at_stall(double force_ratio, double radius, double stall_torque);
 
 // A turbine that droops linearly, N = N0 (1 - T / tau_s); its greatest power is pi N0 tau_s / 2.
 struct OperatingPoint {
   double torque;         // N·mm
   double rotation_rate;  // rev/s
 };
-double droop_greatest_power(double idle_rate, double stall_torque);  // N·mm/s
+[[nodiscard]] double droop_greatest_power(double idle_rate, double stall_torque);  // N·mm/s
 
 // Imposed feed: tissue of specific energy u is removed at Q mm³/s, so 2 pi N T = u Q:
 //   T = tau_s / 2 (1 - sqrt(1 - u Q / P_max)),   P_max = pi N0 tau_s / 2.
 // Nothing above P_max: there the turbine collapses (at tau_s / 2 and N0 / 2).
-std::optional<OperatingPoint> droop_imposed_feed(double idle_rate, double stall_torque,
-                                                 double removal_power);
+[[nodiscard]] std::optional<OperatingPoint> droop_imposed_feed(double idle_rate,
+                                                               double stall_torque,
+                                                               double removal_power);
 
 // Imposed force: force and torque are both proportional to v / N, so the torque follows from the
 // force alone, whatever N is; the feed is then proportional to N. Nothing if the torque is tau_s or
 // more: the bur stalls.
-std::optional<OperatingPoint> droop_imposed_torque(double idle_rate, double stall_torque,
-                                                   double torque);
+[[nodiscard]] std::optional<OperatingPoint> droop_imposed_torque(double idle_rate,
+                                                                 double stall_torque,
+                                                                 double torque);
 
 // The same for a cylinder pressed into tissue with `against` newtons against its feed:
 //   T = 4 alpha R / pi · F,  v = 4 alpha N F / (u L). The feed is greatest at T = tau_s / 2.
@@ -69,8 +73,9 @@ struct FeedUnderForce {
   double speed;          // mm/s
 };
 // g.rotation_rate is the idle rate N0.
-std::optional<FeedUnderForce> droop_cylinder_under_force(const Grinding& g, double stall_torque,
-                                                         double radius, double length,
-                                                         double against);
+[[nodiscard]] std::optional<FeedUnderForce> droop_cylinder_under_force(const Grinding& g,
+                                                                       double stall_torque,
+                                                                       double radius, double length,
+                                                                       double against);
 
 }  // namespace toothprep::reference

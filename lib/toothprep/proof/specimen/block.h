@@ -13,7 +13,7 @@ struct BlockOptions {  // the paper's block
 };
 
 // Exact signed distance to the axis-aligned box [low, high], mm.
-double box_distance(const Vec3& x, const Vec3& low, const Vec3& high);
+[[nodiscard]] double box_distance(const Vec3& x, const Vec3& low, const Vec3& high);
 
 // The voxels that cover a box, given in a frame of its own, which `pose` takes to W. Centres lie
 // half a voxel beside the faces at low.x, high.y and low.z of a box that isn't turned.
@@ -21,9 +21,10 @@ struct BoxGrid {
   Lattice lattice;                                        // centres of the voxels
   Index3 lower = Index3::Zero(), upper = Index3::Zero();  // inclusive
 };
-BoxGrid grid_of_box(const Vec3& low, const Vec3& high, double voxel, const Pose& pose);  // mm
+[[nodiscard]] BoxGrid grid_of_box(const Vec3& low, const Vec3& high, double voxel,
+                                  const Pose& pose);  // mm
 
 // Throws Error if a size, the enamel or the voxel is not finite, not positive or out of range.
-LayeredTooth make_block(const BlockOptions& options);
+[[nodiscard]] LayeredTooth make_block(const BlockOptions& options);
 
 }  // namespace toothprep

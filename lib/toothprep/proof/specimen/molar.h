@@ -13,16 +13,16 @@ namespace toothprep {
 // W stands as a scanner has it (LPS, crown up): the long axis runs along +z through x = 6.1, y
 // = 5.5; buccal is +x, mesial is -y; the central fossa lies near z = 16.6 and the cusp tips
 // near 18.9. All of the tooth has positive coordinates.
-ToothSample sample_molar(const Vec3& x);
+[[nodiscard]] ToothSample sample_molar(const Vec3& x);
 
 // A box that holds the whole tooth, mm.
-Box molar_bounds();
+[[nodiscard]] Box molar_bounds();
 
 struct MolarOptions {  // its size is fixed
   double voxel = 0.1;  // mm
 };
 
 // Voxel centres lie at (i + 1/2) voxel. Throws Error if the voxel size is not in [0.02, 0.5] mm.
-LayeredTooth make_molar(const MolarOptions& options);
+[[nodiscard]] LayeredTooth make_molar(const MolarOptions& options);
 
 }  // namespace toothprep

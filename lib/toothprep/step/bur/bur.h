@@ -69,14 +69,14 @@ class Bur {  // immutable; lengths in mm, frame B; may be read from several thre
 
   // Exact signed distance to the head's surface (closing disc included), mm, negative inside. r >=
   // 0.
-  double distance(double r, double z) const noexcept;
+  [[nodiscard]] double distance(double r, double z) const noexcept;
   // The same for n points, written for the compiler's vectoriser: the step's removal calls it for
   // rows of voxels. Within float rounding of distance(). The value of a point doesn't depend on its
   // neighbours.
   void distances(const float* r, const float* z, float* out, int n) const noexcept;
 
-  double head_volume() const;    // mm³, exact
-  double grinding_area() const;  // mm², exact (pieces with grinds)
+  [[nodiscard]] double head_volume() const;    // mm³, exact
+  [[nodiscard]] double grinding_area() const;  // mm², exact (pieces with grinds)
 
   // Elements of at most `size` mm along and around, of the grinding surface; the shank's surface in
   // shank_elements (a plain cylinder from the head's end to shank_top, for contact reporting only).
@@ -84,8 +84,8 @@ class Bur {  // immutable; lengths in mm, frame B; may be read from several thre
   // onto itself to the last bit; successive rings are staggered. `clockwise` (seen from the shank)
   // sets the sign of the tangent. Throws Error if `size` is not within 1e-4 .. 10 mm or would need
   // more than 20 million elements.
-  SurfaceElements elements(double size, bool clockwise = true) const;
-  SurfaceElements shank_elements(double size) const;
+  [[nodiscard]] SurfaceElements elements(double size, bool clockwise = true) const;
+  [[nodiscard]] SurfaceElements shank_elements(double size) const;
 
  private:
   std::string name_;

@@ -15,10 +15,10 @@ namespace toothprep {
 
 // Resolves a --bur argument. Throws Error that says what was not understood and what would be.
 // `library_folder` is data/burs, found by the application.
-Bur make_bur(const std::string& spec, const std::string& library_folder);
+[[nodiscard]] Bur make_bur(const std::string& spec, const std::string& library_folder);
 
 // Reads a profile file. Throws InputError naming file, key and condition.
-Bur read_bur_file(const std::string& path);
+[[nodiscard]] Bur read_bur_file(const std::string& path);
 
 struct LibraryEntry {       // one [[bur]] of library.toml
   std::string name;         // e.g. "837-012"
@@ -28,6 +28,6 @@ struct LibraryEntry {       // one [[bur]] of library.toml
   std::string source;       // where each dimension comes from
 };
 // In the order of the file. Throws InputError if it can't be read or an entry is incomplete.
-std::vector<LibraryEntry> list_library(const std::string& library_folder);
+[[nodiscard]] std::vector<LibraryEntry> list_library(const std::string& library_folder);
 
 }  // namespace toothprep

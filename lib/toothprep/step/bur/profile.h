@@ -19,44 +19,45 @@ struct ProfilePiece {
 };
 
 // Shorthands for building profiles.
-ProfilePiece line_piece(double r0, double z0, double r1, double z1, bool grinds = true);
-ProfilePiece arc_piece(double r0, double z0, double r1, double z1, double centre_r, double centre_z,
-                       bool convex = true, bool grinds = true);
+[[nodiscard]] ProfilePiece line_piece(double r0, double z0, double r1, double z1,
+                                      bool grinds = true);
+[[nodiscard]] ProfilePiece arc_piece(double r0, double z0, double r1, double z1, double centre_r,
+                                     double centre_z, bool convex = true, bool grinds = true);
 
 // An arc's radius in mm, the angle of its start about the centre, and the signed angle it sweeps,
 // rad: in (0, 2 pi) if convex, in (-2 pi, 0) if concave.
 struct ArcSpan {
   double radius, start, sweep;  // mm, rad, rad
 };
-ArcSpan arc_span(const ProfilePiece& arc);  // of a piece of kind kArc
+[[nodiscard]] ArcSpan arc_span(const ProfilePiece& arc);  // of a piece of kind kArc
 
 struct ProfilePoint {       // a place on the outline
   double r, z;              // mm
   double along_r, along_z;  // unit direction of travel; the outward normal is (along_z, -along_r)
 };
 // The point at `fraction` (0 to 1) of the piece's length.
-ProfilePoint point_on(const ProfilePiece& piece, double fraction);
+[[nodiscard]] ProfilePoint point_on(const ProfilePiece& piece, double fraction);
 
 struct ProfileBounds {                // the rectangle around a piece
   double r_min, r_max, z_min, z_max;  // mm
 };
-ProfileBounds bounds_of(const ProfilePiece& piece);  // exact, arcs too
+[[nodiscard]] ProfileBounds bounds_of(const ProfilePiece& piece);  // exact, arcs too
 
-double length_of(const ProfilePiece& piece);  // mm
+[[nodiscard]] double length_of(const ProfilePiece& piece);  // mm
 // Area of the surface that the part between two fractions of the length sweeps about the axis,
 // mm^2: 2 pi integral of r dl.
-double swept_area(const ProfilePiece& piece, double from = 0, double to = 1);
+[[nodiscard]] double swept_area(const ProfilePiece& piece, double from = 0, double to = 1);
 // The piece's share of the volume of the solid, mm^3: pi integral of r^2 dz.
-double swept_volume(const ProfilePiece& piece);
+[[nodiscard]] double swept_volume(const ProfilePiece& piece);
 // The piece's share of the area that the closed outline encloses in the half plane, mm^2: integral
 // of r dz.
-double enclosed_area(const ProfilePiece& piece);
+[[nodiscard]] double enclosed_area(const ProfilePiece& piece);
 
 // Throws Error naming the piece and the violated condition unless the outline runs from the tip at
 // (0, 0) to the axis at the other end, without gaps or self-crossing, solid to the left, within r
 // <= 10 mm and 0 <= z <= 50 mm. Returns the outline with joints made exact: ends that differ by
 // less than 1e-6 mm are merged, and an arc's centre within 1e-3 mm of the bisector of its ends is
 // moved onto it.
-std::vector<ProfilePiece> checked_outline(std::vector<ProfilePiece> pieces);
+[[nodiscard]] std::vector<ProfilePiece> checked_outline(std::vector<ProfilePiece> pieces);
 
 }  // namespace toothprep

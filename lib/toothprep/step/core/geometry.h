@@ -25,7 +25,7 @@ struct Pose {
 
 // The rotation that takes B's +z to `axis` (tip to shank) by the shortest arc, then turns by `spin`
 // radians about it. Throws nothing; `axis` must not be zero.
-inline Quat orientation_of_axis(const Vec3& axis, double spin = 0.0) {
+[[nodiscard]] inline Quat orientation_of_axis(const Vec3& axis, double spin = 0.0) {
   return (Quat::FromTwoVectors(Vec3::UnitZ(), axis.normalized()) *
           Quat(Eigen::AngleAxisd(spin, Vec3::UnitZ())))
       .normalized();

@@ -44,8 +44,8 @@ struct Coupling {          // between handle and bur: Eqs 12 to 18
 
 enum class EngineKind { kLevelset, kVoxel };  // step/grinding/engine.h
 enum class Drive { kCoupled, kDirect };  // the bur hangs on a spring, or follows the handle exactly
-const char* name_of(EngineKind engine);  // "levelset", "voxel"
-const char* name_of(Drive drive);        // "coupled", "direct"
+[[nodiscard]] const char* name_of(EngineKind engine);  // "levelset", "voxel"
+[[nodiscard]] const char* name_of(Drive drive);        // "coupled", "direct"
 
 struct Parameters {              // the whole model, constant during a session
   std::string preset = "paper";  // what the rest started from; a name, read for reports only
@@ -64,7 +64,7 @@ struct Parameters {              // the whole model, constant during a session
 };
 
 // The preset of that name ("paper" or "physical"); throws Error for another.
-Parameters preset_parameters(const std::string& name);
+[[nodiscard]] Parameters preset_parameters(const std::string& name);
 
 // Throws Error that names the first violated condition, with the name used in parameter files.
 void validate(const Parameters& parameters);
@@ -72,19 +72,20 @@ void validate(const Parameters& parameters);
 // Parameters from a TOML file, or from its text (`where` then names it in errors). Absent keys come
 // from the file's own `preset` or, failing that, `default_preset`; an unknown key is an InputError
 // that names the nearest known one. The result is validated.
-Parameters read_parameters(const std::string& path, const std::string& default_preset = "paper");
-Parameters parse_parameters(const std::string& toml, const std::string& where,
-                            const std::string& default_preset = "paper");
+[[nodiscard]] Parameters read_parameters(const std::string& path,
+                                         const std::string& default_preset = "paper");
+[[nodiscard]] Parameters parse_parameters(const std::string& toml, const std::string& where,
+                                          const std::string& default_preset = "paper");
 
 // The same over `base` in place of a preset (unless the file names one itself).
-Parameters read_parameters(const std::string& path, const Parameters& base);
-Parameters parse_parameters(const std::string& toml, const std::string& where,
-                            const Parameters& base);
+[[nodiscard]] Parameters read_parameters(const std::string& path, const Parameters& base);
+[[nodiscard]] Parameters parse_parameters(const std::string& toml, const std::string& where,
+                                          const Parameters& base);
 
 // The complete TOML text that parse_parameters turns into the same parameters, bit for bit. A
 // unit's conversion rounds, and a few values are the conversion of no double: those are written in
 // internal units (keys specific_energy_n_per_mm2, bur_mass_t), which readers take beside the usual
 // keys.
-std::string to_toml(const Parameters& parameters);
+[[nodiscard]] std::string to_toml(const Parameters& parameters);
 
 }  // namespace toothprep

@@ -22,7 +22,7 @@ constexpr int tissue_index(Tissue t) { return static_cast<int>(t) - 1; }        
 constexpr Tissue tissue_at(int index) { return static_cast<Tissue>(index + 1); }  // of a solid one
 
 // The tissue of that name ("enamel", ...), or nothing.
-constexpr std::optional<Tissue> tissue_named(std::string_view name) {
+[[nodiscard]] constexpr std::optional<Tissue> tissue_named(std::string_view name) {
   for (int k = 0; k < kTissueCount; ++k)
     if (kTissueNames[k] == name) return tissue_at(k);
   return std::nullopt;

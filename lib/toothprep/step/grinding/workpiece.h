@@ -48,7 +48,7 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   bool air(std::size_t brick) const { return cells_[brick].air; }
 
   // What remains: max(tooth, cut).
-  LevelSet remaining_solid() const;
+  [[nodiscard]] LevelSet remaining_solid() const;
 
  private:
   struct CellsOfBrick {
@@ -109,8 +109,9 @@ inline void cell_corners(const LevelSet& field, int i, int j, int k, float* c) n
 
 // Trilinear value and gradient at (fx, fy, fz) in [0, 1) of a cell with the corner values c0 .. c7,
 // z fastest.
-inline FieldSample sample_cell(float c0, float c1, float c2, float c3, float c4, float c5, float c6,
-                               float c7, float fx, float fy, float fz) noexcept {
+[[nodiscard]] inline FieldSample sample_cell(float c0, float c1, float c2, float c3, float c4,
+                                             float c5, float c6, float c7, float fx, float fy,
+                                             float fz) noexcept {
   const float z00 = c0 + fz * (c1 - c0), z01 = c2 + fz * (c3 - c2);
   const float z10 = c4 + fz * (c5 - c4), z11 = c6 + fz * (c7 - c6);
   const float y0 = z00 + fy * (z01 - z00), y1 = z10 + fy * (z11 - z10);
@@ -119,7 +120,8 @@ inline FieldSample sample_cell(float c0, float c1, float c2, float c3, float c4,
   return {y0 + fx * (y1 - y0), y1 - y0, (z01 - z00) + fx * (z11 - z10 - z01 + z00),
           d0 + fx * (d1 - d0)};
 }
-inline FieldSample sample_cell(const float* c, float fx, float fy, float fz) noexcept {
+[[nodiscard]] inline FieldSample sample_cell(const float* c, float fx, float fy,
+                                             float fz) noexcept {
   return sample_cell(c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], fx, fy, fz);
 }
 

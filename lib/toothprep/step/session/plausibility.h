@@ -43,7 +43,7 @@ enum class Implausible {  // see the table above
   kEnergyAudit
 };
 
-const char* name_of(Implausible what);  // as in the table: "time_step", ...
+[[nodiscard]] const char* name_of(Implausible what);  // as in the table: "time_step", ...
 
 struct Finding {      // one thing that can't be meant
   Implausible what;   // the row of the table
@@ -53,12 +53,13 @@ struct Finding {      // one thing that can't be meant
 };
 
 // "TEXT; likely cause: CAUSE"
-std::string message_of(const Finding& finding);
+[[nodiscard]] std::string message_of(const Finding& finding);
 
 // Of a motion as it was recorded (before it was resampled). In the order of the table.
-std::vector<Finding> judge_motion(const std::vector<HandleSample>& recorded);
+[[nodiscard]] std::vector<Finding> judge_motion(const std::vector<HandleSample>& recorded);
 
-std::vector<Finding> judge_parameters(const Parameters& parameters);  // the same of parameters
+[[nodiscard]] std::vector<Finding> judge_parameters(
+    const Parameters& parameters);  // the same of parameters
 
 // The energy audit: the torque's work over the energy of what was removed. Sound for a ratio of 0.9
 // to 1.1 with the level-set engine, 0.9 to 1.8 with the voxel engine (its cavity is a voxel too
@@ -74,18 +75,18 @@ struct Audit {
   std::string why_not_judged;                            // empty if it was
 };
 
-const char* name_of(Audit::Verdict verdict);  // "not judged", "within", "outside"
+[[nodiscard]] const char* name_of(Audit::Verdict verdict);  // "not judged", "within", "outside"
 
 // `removed` in mm³.
-Audit judge_audit(double work, double removed_energy, const PerTissue<double>& removed,
-                  const Parameters& parameters);
+[[nodiscard]] Audit judge_audit(double work, double removed_energy,
+                                const PerTissue<double>& removed, const Parameters& parameters);
 
 // A line for the user: what the audit came to.
-std::string audit_text(const Audit& audit);
+[[nodiscard]] std::string audit_text(const Audit& audit);
 
 // What a finished run says of itself, after `findings` on its inputs: these, then those on force and
 // audit, whose likely cause is the first of them.
-std::vector<Finding> judge_run(std::vector<Finding> findings, const Audit& audit, double peak_force,
-                               double largest_lag, Drive drive);
+[[nodiscard]] std::vector<Finding> judge_run(std::vector<Finding> findings, const Audit& audit,
+                                             double peak_force, double largest_lag, Drive drive);
 
 }  // namespace toothprep

@@ -26,6 +26,6 @@ ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& para
                     const std::function<void(double)>& progress = {});
 
 // Smallest distance from a path's tip positions to the box around the solid, mm.
-double distance_to_tooth(const std::vector<HandleSample>& path, const Box& box);
+[[nodiscard]] double distance_to_tooth(const std::vector<HandleSample>& path, const Box& box);
 
 }  // namespace toothprep

@@ -41,7 +41,7 @@ class Session {  // for one thread at a time; several run side by side
   Session& operator=(const Session&) = delete;
 
   // Row 0: the initial state with zero forces.
-  const StepRecord& initial() const noexcept;
+  [[nodiscard]] const StepRecord& initial() const noexcept;
 
   // One step of parameters.time_step that ends with the handle at `next`. Allocates nothing. If
   // `next` is rejected, no step is made: the row has the bur where it was, at rest, without forces,
@@ -51,7 +51,7 @@ class Session {  // for one thread at a time; several run side by side
   // Removes what is still due and brings the volumes of the last record up to date.
   void finish(StepRecord& last) noexcept;
 
-  const SessionTotals& totals() const noexcept;  // so far
+  [[nodiscard]] const SessionTotals& totals() const noexcept;  // so far
 
  private:
   class Work;

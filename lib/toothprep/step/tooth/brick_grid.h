@@ -26,7 +26,7 @@ namespace toothprep {
 constexpr int kBrickEdge = 8;                                       // voxels
 constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;  // 512
 
-constexpr int brick_offset(int x, int y, int z) {  // each 0..7
+[[nodiscard]] constexpr int brick_offset(int x, int y, int z) {  // each 0..7
   return (x << 6) | (y << 3) | z;
 }
 
@@ -74,14 +74,14 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
   T background() const { return pool_[0]; }               // the value outside the box
 
   // Table index of the brick that holds voxel (i, j, k), or -1 outside the box.
-  std::int64_t brick_index(int i, int j, int k) const {
+  [[nodiscard]] std::int64_t brick_index(int i, int j, int k) const {
     const int x = (i >> 3) - first_.x(), y = (j >> 3) - first_.y(), z = (k >> 3) - first_.z();
     if (x < 0 || y < 0 || z < 0 || x >= counts_.x() || y >= counts_.y() || z >= counts_.z())
       return -1;
     return (static_cast<std::int64_t>(x) * counts_.y() + y) * counts_.z() + z;
   }
   // First voxel of the brick at a table index.
-  Index3 brick_origin(std::size_t index) const {
+  [[nodiscard]] Index3 brick_origin(std::size_t index) const {
     const auto z = static_cast<int>(index % counts_.z());
     const auto y = static_cast<int>(index / counts_.z() % counts_.y());
     const auto x = static_cast<int>(index / counts_.z() / counts_.y());
@@ -93,7 +93,8 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
     return b < 0 ? pool_[0] : brick(b)[brick_offset(i & 7, j & 7, k & 7)];
   }
 
-  const T* brick(std::size_t index) const {  // 512 values, offset as in brick_offset()
+  [[nodiscard]] const T* brick(
+      std::size_t index) const {  // 512 values, offset as in brick_offset()
     return pool_.get() + static_cast<std::size_t>(top_[index]) * kBrickVoxels;
   }
   bool is_uniform(std::size_t index) const { return top_[index] < constants_; }  // not stored
@@ -160,7 +161,7 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
     if (bricks_free() < free_bricks) grow(used_ + free_bricks);
     spare_.reserve(capacity_);
   }
-  std::size_t memory_bytes() const {  // of table and stored bricks
+  [[nodiscard]] std::size_t memory_bytes() const {  // of table and stored bricks
     return top_.size() * sizeof(std::uint32_t) + sizeof(T) * kBrickVoxels * std::size_t{used_};
   }
 

@@ -44,7 +44,8 @@ struct LayeredTooth {  // the anatomy, and what remains of it
 
 // An empty tooth whose grids cover the voxels lower..upper (inclusive) and a margin of one brick.
 // Throws Error if voxel is not in (0, 10] mm or the box holds more than 2^33 voxels.
-LayeredTooth make_empty_tooth(const Lattice& lattice, const Index3& lower, const Index3& upper);
+[[nodiscard]] LayeredTooth make_empty_tooth(const Lattice& lattice, const Index3& lower,
+                                            const Index3& upper);
 
 // Signed distances (mm, negative inside) of one point: the solid as a whole and each tissue with a
 // grid (enamel, dentin, pulp), as the intact anatomy. Values beyond the band need only have the
@@ -58,33 +59,35 @@ struct ToothSample {
 // The tooth of a field given at every point. `sample` must be a pure function (it is called from
 // several threads). With `lipschitz` the distances are taken as at most 1-Lipschitz and bricks far
 // from every surface are filled from one sample at their centre.
-LayeredTooth build_tooth(const Lattice& lattice, const Index3& lower, const Index3& upper,
-                         const std::function<ToothSample(const Vec3&)>& sample, bool lipschitz);
+[[nodiscard]] LayeredTooth build_tooth(const Lattice& lattice, const Index3& lower,
+                                       const Index3& upper,
+                                       const std::function<ToothSample(const Vec3&)>& sample,
+                                       bool lipschitz);
 
 // The same from a function that fills one brick's 512 samples (offset as in brick_offset) for the
 // voxels first .. first + 7.
-LayeredTooth build_tooth_by_brick(
+[[nodiscard]] LayeredTooth build_tooth_by_brick(
     const Lattice& lattice, const Index3& lower, const Index3& upper,
     const std::function<void(const Index3& first, ToothSample* samples)>& sample_brick);
 
 // Volume inside a level set, mm³: sum over voxels of D³·(1/2 - phi/D) clamped to [0, 1], which is
 // exact for a plane along the axes and of second order elsewhere.
-double volume_mm3(const LevelSet& level_set, double voxel);
+[[nodiscard]] double volume_mm3(const LevelSet& level_set, double voxel);
 // What remains per tissue, mm³; `other` is the rest of the solid.
-PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth);
+[[nodiscard]] PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth);
 
 // World box around what remains of the solid (min, max), mm; a zero box at the origin if nothing
 // does.
 struct Box {
   Vec3 min = Vec3::Zero(), max = Vec3::Zero();  // mm, W
 };
-Box bounds_of_solid(const LayeredTooth& tooth);  // the box just described
+[[nodiscard]] Box bounds_of_solid(const LayeredTooth& tooth);  // the box just described
 
-std::size_t memory_bytes(const LayeredTooth& tooth);  // of all grids
+[[nodiscard]] std::size_t memory_bytes(const LayeredTooth& tooth);  // of all grids
 
 // SHA-256 over lattice, labels and level sets (not over the file that holds them), independent of
 // the box and of which bricks are stored.
-std::string tooth_sha256(const LayeredTooth& tooth);
+[[nodiscard]] std::string tooth_sha256(const LayeredTooth& tooth);
 
 // The same anatomy with `solid` carved: each tissue's level set becomes max(tissue, solid).
 // `solid` must lie on the same lattice.

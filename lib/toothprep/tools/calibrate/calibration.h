@@ -65,6 +65,6 @@ CalibrationResult calibrate(const Bur& bur, const LayeredTooth& tooth,
 
 // The result in lines of text: u and alpha per tissue with intervals, residuals, sensor, torque,
 // droop, and whether constants suffice.
-std::vector<std::string> describe(const FitResult& fit);
+[[nodiscard]] std::vector<std::string> describe(const FitResult& fit);
 
 }  // namespace toothprep

@@ -65,8 +65,9 @@ CoupledFit fit_coupled(const Bur& bur, const LayeredTooth& tooth, const Paramete
 
 // Where the bur must have been if the measured force is the spring's, P = P_H + F/k: smoothed over
 // 0.1 s, the sensor's bias taken from the first 0.1 s. Good for a first guess only.
-std::vector<HandleSample> bur_by_force(const MeasuredRecording& recording,
-                                       const RecordedMotion& handle, const Parameters& parameters,
-                                       const FitOptions& options);
+[[nodiscard]] std::vector<HandleSample> bur_by_force(const MeasuredRecording& recording,
+                                                     const RecordedMotion& handle,
+                                                     const Parameters& parameters,
+                                                     const FitOptions& options);
 
 }  // namespace toothprep

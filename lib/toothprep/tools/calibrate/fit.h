@@ -143,10 +143,11 @@ struct FitResult {                // everything that fit.json holds
 
 // u and alpha as they stand in the fit's model, those that aren't identifiable among them; zero
 // where a tissue makes no force.
-PerTissue<GrindingProperties> modelled_tissue(const FitResult& fit);
+[[nodiscard]] PerTissue<GrindingProperties> modelled_tissue(const FitResult& fit);
 
 // One basis per recording, all at the same rotation rate. Throws Error for options that contradict
 // each other, for recordings that never touch the tooth, and if the fit fails.
-FitResult fit(const std::vector<ComparedRecording>& recordings, const FitOptions& options);
+[[nodiscard]] FitResult fit(const std::vector<ComparedRecording>& recordings,
+                            const FitOptions& options);
 
 }  // namespace toothprep

@@ -17,12 +17,12 @@ struct FitSources {
 
 // Schema toothprep-fit; keys carry their units, and what isn't identifiable is null beside its
 // reason.
-std::string fit_json(const FitResult& fit, const FitSources& sources);
+[[nodiscard]] std::string fit_json(const FitResult& fit, const FitSources& sources);
 
 // `base` with the identified u and alpha in it, as a parameter file, with comments on where each
 // number comes from.
-std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
-                                   const FitSources& sources);
+[[nodiscard]] std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
+                                                 const FitSources& sources);
 
 // What scripts/plot-calibration draws, beside fit.json: force-N.csv per recording (thinned: at most
 // 4000 rows of means), draws.csv, adequacy.csv.

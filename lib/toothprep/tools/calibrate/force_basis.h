@@ -61,9 +61,10 @@ struct ForceBasis {
 };
 
 // The force on the bur at sample i for given u and alpha, W, N; and the spindle's torque, N·mm.
-Vec3 force_at(const ForceBasis& basis, std::size_t i, const PerTissue<GrindingProperties>& tissue);
-double torque_at(const ForceBasis& basis, std::size_t i,
-                 const PerTissue<GrindingProperties>& tissue);
+[[nodiscard]] Vec3 force_at(const ForceBasis& basis, std::size_t i,
+                            const PerTissue<GrindingProperties>& tissue);
+[[nodiscard]] double torque_at(const ForceBasis& basis, std::size_t i,
+                               const PerTissue<GrindingProperties>& tissue);
 
 // Runs `path` (samples at parameters.time_step) through `tooth`, which stays as it is. u, alpha,
 // stall and coupling of `parameters` play no part. `progress` as in step/session/replay.h. Throws Error

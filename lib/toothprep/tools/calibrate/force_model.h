@@ -50,10 +50,10 @@ struct ComparedRecording {
   double sigma = 1;                                // N, noise per axis
   std::size_t stalled = 0;                         // samples left out since the bur stood still
 
-  const Eigen::Matrix<double, 6, Eigen::Dynamic>& columns(int k) const {  // in use
+  [[nodiscard]] const Eigen::Matrix<double, 6, Eigen::Dynamic>& columns(int k) const {  // in use
     return filtered[k].cols() > 0 ? filtered[k] : basis->tissue[k].force;
   }
-  const Eigen::Matrix3Xd& offset() const {  // in use
+  [[nodiscard]] const Eigen::Matrix3Xd& offset() const {  // in use
     return filtered_offset.cols() > 0 ? filtered_offset : basis->offset;
   }
 };
@@ -61,8 +61,8 @@ struct ComparedRecording {
 // Leaves out samples that lie within `margin` s of the motion's ends or of a stall, and unusable
 // ones.
 // `lowpass`: corner of the sensor's first-order low-pass, Hz; 0: none.
-ComparedRecording compare(const MeasuredRecording& recording, const ForceBasis& basis,
-                          double margin, double lowpass, bool on_handpiece);
+[[nodiscard]] ComparedRecording compare(const MeasuredRecording& recording, const ForceBasis& basis,
+                                        double margin, double lowpass, bool on_handpiece);
 
 // Puts a low-pass of this time constant (s; 0: none) between basis and sensor, with its slope if
 // that is to be estimated.
@@ -73,7 +73,8 @@ struct Chunk {                     // a run of samples
   std::size_t begin = 0, end = 0;  // of its samples
 };
 // Pieces of about `length` s, none across a gap between recordings.
-std::vector<Chunk> chunks_of(const std::vector<ComparedRecording>& recordings, double length);
+[[nodiscard]] std::vector<Chunk> chunks_of(const std::vector<ComparedRecording>& recordings,
+                                           double length);
 
 struct ModelState {                      // what the residuals depend on
   PerTissue<TissueMode> mode{};          // per tissue
@@ -89,7 +90,7 @@ struct ModelState {                      // what the residuals depend on
 struct LossAt {
   double rho, psi, slope;  // see above
 };
-LossAt loss_at(RobustLoss loss, double r);  // r in standard deviations
+[[nodiscard]] LossAt loss_at(RobustLoss loss, double r);  // r in standard deviations
 
 // Beyond, a residual is taken for an outlier where it has to be in or out.
 constexpr double kOutlierSigmas = 5;
@@ -111,21 +112,23 @@ struct NormalSums {  // over one chunk
 };
 // Every `stride`-th sample. With `shift`, the residuals are taken at r + J shift (the linearised
 // step), the Jacobian stays.
-NormalSums normal_sums(const ComparedRecording& recording, const Chunk& chunk,
-                       const Eigen::Matrix<double, kShared, 1>& shared,
-                       const Eigen::Matrix<double, kOwn, 1>& own, const ModelState& state,
-                       Weighting weighting, std::size_t stride = 1,
-                       const Eigen::Matrix<double, kColumns, 1>* shift = nullptr);
+[[nodiscard]] NormalSums normal_sums(const ComparedRecording& recording, const Chunk& chunk,
+                                     const Eigen::Matrix<double, kShared, 1>& shared,
+                                     const Eigen::Matrix<double, kOwn, 1>& own,
+                                     const ModelState& state, Weighting weighting,
+                                     std::size_t stride = 1,
+                                     const Eigen::Matrix<double, kColumns, 1>* shift = nullptr);
 
 // The same of several chunks, in parallel; in the order of the chunks.
-std::vector<NormalSums> normal_sums(const std::vector<ComparedRecording>& recordings,
-                                    const std::vector<Chunk>& chunks, const ModelState& state,
-                                    Weighting weighting, std::size_t stride = 1);
+[[nodiscard]] std::vector<NormalSums> normal_sums(const std::vector<ComparedRecording>& recordings,
+                                                  const std::vector<Chunk>& chunks,
+                                                  const ModelState& state, Weighting weighting,
+                                                  std::size_t stride = 1);
 
 // The model's force of one recording's samples, sensor frame, N; with `only_contact` without bias,
 // drift and weight.
-std::vector<Vec3> modelled_force(const ComparedRecording& recording,
-                                 const Eigen::Matrix<double, kOwn, 1>& own, const ModelState& state,
-                                 bool only_contact = false);
+[[nodiscard]] std::vector<Vec3> modelled_force(const ComparedRecording& recording,
+                                               const Eigen::Matrix<double, kOwn, 1>& own,
+                                               const ModelState& state, bool only_contact = false);
 
 }  // namespace toothprep

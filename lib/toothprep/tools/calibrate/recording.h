@@ -43,7 +43,7 @@ MeasuredRecording read_recording(const std::string& path, const ForceReading& re
                                  RecordedPose pose = RecordedPose::kBurOrHandle);
 
 // The same of a CSV's table only, unchecked.
-MeasuredRecording read_recording_csv(const std::string& path);
+[[nodiscard]] MeasuredRecording read_recording_csv(const std::string& path);
 
 // Throws InputError that names the sample: as many forces as poses, all finite, not constant, not
 // stuck at a limit (several samples in a row at exactly the largest or smallest value of an axis),
@@ -58,13 +58,14 @@ void check_same_tooth(const MeasuredRecording& recording, const std::string& too
 
 // The motion at the step rate with the spindle beside it; samples between a stalled one and its
 // neighbour count as stalled. With `speed`, the recorded speed too (if there is one).
-RecordedMotion motion_of(const MeasuredRecording& recording, double time_step, bool allow_gaps,
-                         bool speed);
+[[nodiscard]] RecordedMotion motion_of(const MeasuredRecording& recording, double time_step,
+                                       bool allow_gaps, bool speed);
 
 // Measured force by the force that u/N of the published order makes along the same motion, both rms
 // in contact: 1 within a factor of ten for newtons, whatever the tissue; see kPlausible... in the
 // source. NaN if the motion touches nothing.
-double force_by_plausible(const MeasuredRecording& recording, const ForceBasis& basis);
+[[nodiscard]] double force_by_plausible(const MeasuredRecording& recording,
+                                        const ForceBasis& basis);
 // Throws InputError if that ratio says grams (102 times too much) or millinewtons (1000 times).
 void check_unit_by_model(const MeasuredRecording& recording, const ForceBasis& basis,
                          const ForceReading& reading);

@@ -35,10 +35,10 @@ struct Solid {                        // a tooth or a mesh as something to compa
 // until none is longer than two voxels, so that figures per vertex are dense. Throws InputError
 // for what can't be read, another extension, a mesh that does not bound a solid (holes, flipped
 // faces, intersections), or a tooth of which nothing is left.
-Solid read_solid(const std::string& path, double voxel);
+[[nodiscard]] Solid read_solid(const std::string& path, double voxel);
 
 // A tooth in memory, as if it had been read.
-Solid solid_of(std::string name, LayeredTooth tooth);
+[[nodiscard]] Solid solid_of(std::string name, LayeredTooth tooth);
 
 // `solid`, moved rigidly by `motion` (its frame to the original's), on the original's lattice and
 // box, with the original's anatomy. Voxels are copied where the lattices coincide and nothing
@@ -47,13 +47,14 @@ Solid solid_of(std::string name, LayeredTooth tooth);
 Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion = {});
 
 // Whether on_lattice() would copy.
-bool same_lattice(const Lattice& a, const Lattice& b);
-bool is_identity(const Pose& motion);
+[[nodiscard]] bool same_lattice(const Lattice& a, const Lattice& b);
+[[nodiscard]] bool is_identity(const Pose& motion);
 
 // The surface with its edges halved until none is longer than `longest` mm; the same points of
 // space, still closed.
-TriangleMesh with_short_edges(TriangleMesh surface, double longest);
+[[nodiscard]] TriangleMesh with_short_edges(TriangleMesh surface, double longest);
 
-TriangleMesh moved(TriangleMesh surface, const Pose& motion);  // every vertex by `motion`
+[[nodiscard]] TriangleMesh moved(TriangleMesh surface,
+                                 const Pose& motion);  // every vertex by `motion`
 
 }  // namespace toothprep

@@ -52,8 +52,8 @@ struct VolumeComparison {            // original against prepared, and target
 //    by more than a voxel: another tooth, or another frame,
 //  - a tooth of another anatomy (more than 20 % of the labels differ),
 //  - a prepared tooth or a target from which less than eight voxels are missing.
-VolumeComparison compare_volumes(const Solid& original, const Solid& prepared,
-                                 const Solid* target = nullptr, double noise = 0);
+[[nodiscard]] VolumeComparison compare_volumes(const Solid& original, const Solid& prepared,
+                                               const Solid* target = nullptr, double noise = 0);
 
 // Half width of the 95 % interval of a region's volume, mm³, from the voxel size alone:
 //     0.01 D A + D² L/12 + D³/2,
@@ -61,6 +61,6 @@ VolumeComparison compare_volumes(const Solid& original, const Solid& prepared,
 // is an allowance for planes at odd angles and for curvature, several times what turned boxes gave;
 // the second is the edges' (above), the third the least detectable volume. Not in it: an error of
 // the scan or of the registration.
-double volume_uncertainty_mm3(double volume_mm3, double voxel);
+[[nodiscard]] double volume_uncertainty_mm3(double volume_mm3, double voxel);
 
 }  // namespace toothprep

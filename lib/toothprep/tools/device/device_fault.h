@@ -27,12 +27,12 @@ enum class DeviceFault {  // what can go wrong; `Final` ones end the session
 
 enum class FaultSeverity { kNone, kTransient, kFinal };  // of a fault
 
-FaultSeverity severity_of(DeviceFault fault) noexcept;  // by the list above
+[[nodiscard]] FaultSeverity severity_of(DeviceFault fault) noexcept;  // by the list above
 
 // One line for the user: what happened and what to do. Static text.
-const char* describe(DeviceFault fault) noexcept;
+[[nodiscard]] const char* describe(DeviceFault fault) noexcept;
 
 // Which of two counts when both happen in a tick: the final one; of equals, the later in the list.
-DeviceFault worse_of(DeviceFault a, DeviceFault b) noexcept;
+[[nodiscard]] DeviceFault worse_of(DeviceFault a, DeviceFault b) noexcept;
 
 }  // namespace toothprep

@@ -114,9 +114,11 @@ class HapticDevice {  // the interface that every back end implements
   HapticDevice& operator=(const HapticDevice&) = delete;
   virtual ~HapticDevice() = default;  // stops
 
-  virtual const DeviceIdentity& identity() const noexcept = 0;         // of the hand's device
-  virtual const DeviceIdentity* mirror_identity() const noexcept = 0;  // nullptr: none
-  virtual const DeviceLimits& limits() const noexcept = 0;             // of the hand's device
+  [[nodiscard]] virtual const DeviceIdentity& identity()
+      const noexcept = 0;  // of the hand's device
+  [[nodiscard]] virtual const DeviceIdentity* mirror_identity()
+      const noexcept = 0;                                                 // nullptr: none
+  [[nodiscard]] virtual const DeviceLimits& limits() const noexcept = 0;  // of the hand's device
 
   // The worse of both devices'. While the servo runs, as it was at its start.
   virtual Calibration calibration() = 0;
@@ -130,7 +132,7 @@ class HapticDevice {  // the interface that every back end implements
   // still has to call it.
   virtual void stop() noexcept = 0;
 
-  virtual DeviceStatus status() const noexcept = 0;  // from any thread
+  [[nodiscard]] virtual DeviceStatus status() const noexcept = 0;  // from any thread
 };
 
 }  // namespace toothprep

@@ -45,8 +45,8 @@ class Servo {  // one per device; a back end owns it
   bool running() const noexcept { return state_ == ServoState::kRunning; }  // after open()
   // Whether a ramp begins with this tick, so that the driver can be made to allow forces again.
   bool recovering() const noexcept { return recovering_; }
-  bool in_tick_on_this_thread() const noexcept;
-  DeviceStatus status() const noexcept;
+  [[nodiscard]] bool in_tick_on_this_thread() const noexcept;
+  [[nodiscard]] DeviceStatus status() const noexcept;
 
  private:
   Vec3 client_force(const DeviceReading& reading, DeviceFault& fault) noexcept;

@@ -67,10 +67,11 @@ struct SessionRecording {  // a whole recording in memory
 };
 
 // Whether it is the recording of a live session. Throws InputError if it can't be read at all.
-bool is_session_file(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
+[[nodiscard]] bool is_session_file(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
 
 // Reads a recording, also one that is being written or whose program was killed: rows up to the
 // last flush. Throws InputError as read_trace does.
-SessionRecording read_session(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
+[[nodiscard]] SessionRecording read_session(const std::string& path,
+                                            ReadPolicy policy = ReadPolicy::kTrial);
 
 }  // namespace toothprep

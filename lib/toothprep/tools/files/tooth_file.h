@@ -17,7 +17,8 @@ namespace toothprep {
 // OpenVDB's reader trusts what it finds. A file of ours proves by its checksum that it is as we
 // wrote it; any other is first read by a child process with limits on time and memory, unless the
 // policy is kDirect (tools/io/read_policy.h).
-LayeredTooth read_tooth(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
+[[nodiscard]] LayeredTooth read_tooth(const std::string& path,
+                                      ReadPolicy policy = ReadPolicy::kTrial);
 
 // The same, and what is odd about the tooth though it can be read: it isn't the one that the file's
 // tooth_sha256 is of (another program changed and saved it), or it lies where no tooth does.
@@ -25,7 +26,7 @@ struct ToothReading {
   LayeredTooth tooth;                 // as read
   std::vector<std::string> warnings;  // a sentence each, with the file's name
 };
-ToothReading read_tooth_with_warnings(
+[[nodiscard]] ToothReading read_tooth_with_warnings(
     const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);  // errors as read_tooth()
 
 // Same tooth, same bytes: the archive's random id is derived from the content. Writes `path`

@@ -42,16 +42,17 @@ void write_trace(const Trace& trace, const std::string& path);
 // /contact/shank_area and /force/measured may be absent; a tissue that `tissues` doesn't name has
 // zeros. Of a live recording that is being written or was cut off: the rows up to the last flush,
 // the audit NaN.
-Trace read_trace(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
+[[nodiscard]] Trace read_trace(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
 
 // Whether an HDF5 file says that it is a trace (root attribute `schema`). Throws InputError if it
 // can't be read at all.
-bool is_trace_file(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
+[[nodiscard]] bool is_trace_file(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
 
 // Reads what a trajectory needs: /time and /handle/position with units; /handle/orientation,
 // /handle/buttons and /force/measured where present. Any HDF5 file will do, whoever wrote it; other
 // datasets are ignored. Errors as read_trace, and fewer than two samples.
-Trajectory read_h5_trajectory(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
+[[nodiscard]] Trajectory read_h5_trajectory(const std::string& path,
+                                            ReadPolicy policy = ReadPolicy::kTrial);
 
 // One row per step, one column per component, unit in the column's name: time_s, handle_x_mm, ...,
 // force_device_x_N, ..., removed_enamel_mm3; shortest decimals that read back as the same doubles.

@@ -16,7 +16,7 @@ struct ImageFrame {
   Vec3 origin = Vec3::Zero();         // mm, W: the centre of voxel (0, 0, 0)
   Mat3 direction = Mat3::Identity();  // columns: the image axes in W (LPS)
   // A place in voxels to W, mm; the matrix that takes x - origin back; how many voxels there are.
-  Vec3 to_world(const Vec3& index) const {
+  [[nodiscard]] Vec3 to_world(const Vec3& index) const {
     return origin + direction * spacing.cwiseProduct(index);
   }
   Mat3 to_index() const { return spacing.cwiseInverse().asDiagonal() * direction.transpose(); }
@@ -27,7 +27,7 @@ template <class T>
 struct ImageVolume : ImageFrame {  // an image with its values
   std::vector<T> data;             // voxels() values
 
-  std::size_t offset(int i, int j, int k) const {  // x fastest
+  [[nodiscard]] std::size_t offset(int i, int j, int k) const {  // x fastest
     return (static_cast<std::size_t>(k) * size.y() + j) * size.x() + i;
   }
   T& at(int i, int j, int k) { return data[offset(i, j, k)]; }              // unchecked

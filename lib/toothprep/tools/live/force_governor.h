@@ -57,8 +57,8 @@ class ForceGovernor {  // of one device's force
   void restart() noexcept;
 
   bool vibrates() const noexcept { return vibrates_; }  // and from then on all forces are zero
-  double vibration_rms() const noexcept;                // N
-  double heat() const noexcept;                         // of the continuous limit: 1 is full
+  [[nodiscard]] double vibration_rms() const noexcept;  // N
+  [[nodiscard]] double heat() const noexcept;           // of the continuous limit: 1 is full
 
  private:
   void watch(const Vec3& force) noexcept;

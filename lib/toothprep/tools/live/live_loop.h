@@ -41,7 +41,7 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
   LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink);
 
   // The device's first pose; empty until then.
-  std::optional<DevicePose> first_pose() const noexcept;
+  [[nodiscard]] std::optional<DevicePose> first_pose() const noexcept;
 
   // From the next tick on it steps `session`, which must live until the device has stopped. With
   // `start` (mm, W), the frame is laid so that the hand, wherever it is by then, starts there.

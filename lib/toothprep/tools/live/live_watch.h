@@ -31,8 +31,10 @@ struct LiveEnd {        // how it ended
 
 // `make_session` gets the pose of the handle in W and gives the session that starts there. `start`:
 // see LiveLoop::begin(). Throws Error if the device doesn't start or gives no pose.
-LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& registration,
-                 const std::optional<Vec3>& start, double time_step,
-                 const std::function<Session&(const Pose&)>& make_session, const LiveWatch& watch);
+[[nodiscard]] LiveEnd run_live(HapticDevice& device, LiveLoop& loop,
+                               const Registration& registration, const std::optional<Vec3>& start,
+                               double time_step,
+                               const std::function<Session&(const Pose&)>& make_session,
+                               const LiveWatch& watch);
 
 }  // namespace toothprep

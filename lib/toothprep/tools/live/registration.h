@@ -23,7 +23,7 @@ struct Registration {                     // R, t and S of the equations above
 
 // Throws InputError for anything that isn't such a file: unknown keys, quaternions not of unit
 // length (to 1e-3; they are normalised), zero axes, what isn't finite.
-Registration read_registration(const std::string& path);
+[[nodiscard]] Registration read_registration(const std::string& path);
 
 // The running registration. Plain values: a tick may use it.
 class HandleFrame {
@@ -32,9 +32,10 @@ class HandleFrame {
   // registration has no translation).
   HandleFrame(const Registration& registration, const Vec3& device_start, const Vec3& at_start);
 
-  Pose to_world(const Vec3& position, const Quat& orientation) const noexcept;  // mm, D
-  Vec3 force_to_device(const Vec3& force) const noexcept;                       // W to D
-  Vec3 to_device(const Vec3& world) const noexcept;                             // mm
+  [[nodiscard]] Pose to_world(const Vec3& position,
+                              const Quat& orientation) const noexcept;   // mm, D
+  [[nodiscard]] Vec3 force_to_device(const Vec3& force) const noexcept;  // W to D
+  [[nodiscard]] Vec3 to_device(const Vec3& world) const noexcept;        // mm
 
   // While held, the handle stays where it is; on release it goes on from there.
   void hold(const Vec3& device_position) noexcept;

@@ -41,7 +41,7 @@ class StatusBoard {  // written by the servo's thread, read by any
     longest_.store(std::max(longest_.load(kRelaxed), tick.step_seconds), kRelaxed);
   }
 
-  LiveStatus read() const noexcept {  // from any thread
+  [[nodiscard]] LiveStatus read() const noexcept {  // from any thread
     LiveStatus s;
     s.steps = steps_.load(kRelaxed);
     s.force = force_.load(kRelaxed);

@@ -19,7 +19,7 @@ class Microseconds {
     worst_ = std::max(worst_, us);
   }
   // The value below which this share of the entries lies, to a microsecond upwards; us.
-  double quantile(double share) const noexcept {
+  [[nodiscard]] double quantile(double share) const noexcept {
     const auto wanted = static_cast<std::int64_t>(share * static_cast<double>(total_));
     std::int64_t seen = 0;
     for (std::size_t b = 0; b < counts_.size(); ++b) {

@@ -40,14 +40,14 @@ struct LiveOutcome {                    // of a session that is over
 };
 
 // 3 mm above the solid of the tooth, in the direction that the registration calls up; mm, W.
-Vec3 start_above(const LayeredTooth& tooth, const Registration& registration);
+[[nodiscard]] Vec3 start_above(const LayeredTooth& tooth, const Registration& registration);
 
 // Steps a session of `bur` in `workpiece` on the device until the watch ends it, and records it. The
 // workpiece has the cut when it returns. Throws Error if the device isn't calibrated, doesn't run at
 // the model's time step, doesn't start or gives no pose, or if the record can't be created; a
 // session that ends by a fault is no error here (see RecordedRun::end).
-LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const LayeredTooth& tooth,
-                             Workpiece& workpiece, const LiveSettings& settings,
-                             RecordTarget target);
+[[nodiscard]] LiveOutcome run_live_session(HapticDevice& device, const Bur& bur,
+                                           const LayeredTooth& tooth, Workpiece& workpiece,
+                                           const LiveSettings& settings, RecordTarget target);
 
 }  // namespace toothprep

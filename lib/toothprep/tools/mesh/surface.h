@@ -20,7 +20,7 @@ enum class SurfaceOf { kAll, kEnamel, kDentin, kPulp };  // the solid, or one ti
 
 // The zero surface of what remains of the whole tooth or of one tissue; closed and free of
 // self-intersections. An empty mesh if nothing remains. `tissue` is the tissue under each vertex.
-TriangleMesh extract_surface(const LayeredTooth& tooth, SurfaceOf what);
+[[nodiscard]] TriangleMesh extract_surface(const LayeredTooth& tooth, SurfaceOf what);
 
 // Numbers per vertex, and colours instead of those by tissue, for the formats that hold them: .ply
 // (float properties) and .vtk (point data); .stl and .obj leave them out.
@@ -42,6 +42,7 @@ void write_mesh(const TriangleMesh& mesh, const std::string& path,
 // Throws Error unless the name ends in one of those extensions: to know before the work is done.
 void check_mesh_name(const std::string& path);
 
-double mesh_volume_mm3(const TriangleMesh& mesh);  // signed, by the divergence theorem
+[[nodiscard]] double mesh_volume_mm3(
+    const TriangleMesh& mesh);  // signed, by the divergence theorem
 
 }  // namespace toothprep

@@ -48,8 +48,9 @@ struct PreparationOptions {                         // what is measured, and fro
 // What kind a cut is, judged by its walls and floors: a crown where most of the walls' area faces
 // away from the tooth, a class II where two floors lie at different heights and the walls leave a
 // side open, else a class I. Of `options` the directions are read. Throws as measure_preparation().
-PreparationType guess_type(const LayeredTooth& original, const LayeredTooth& prepared,
-                           const TriangleMesh& surface, const PreparationOptions& options);
+[[nodiscard]] PreparationType guess_type(const LayeredTooth& original, const LayeredTooth& prepared,
+                                         const TriangleMesh& surface,
+                                         const PreparationOptions& options);
 
 struct PreparationFrame {      // the form's own directions
   Vec3 origin = Vec3::Zero();  // mm, W: the middle of the cut surface
@@ -76,8 +77,10 @@ struct Preparation {                                      // all that was measur
 // extract_surface() gives it: facets of about a voxel. `target` is drawn in the sections only.
 // Throws Error where there is nothing to measure: no cut surface of at least 30 facets, or none
 // that is a wall or floor of the type asked for.
-Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth& prepared,
-                                const TriangleMesh& surface, const PreparationOptions& options,
-                                const LayeredTooth* target = nullptr);
+[[nodiscard]] Preparation measure_preparation(const LayeredTooth& original,
+                                              const LayeredTooth& prepared,
+                                              const TriangleMesh& surface,
+                                              const PreparationOptions& options,
+                                              const LayeredTooth* target = nullptr);
 
 }  // namespace toothprep

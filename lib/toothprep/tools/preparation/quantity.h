@@ -22,7 +22,8 @@ struct Quantity {
 // In the order in which they are reported; keys are unique.
 using Quantities = std::vector<Quantity>;
 // The one of that key, or nullptr.
-inline const Quantity* find_quantity(const Quantities& quantities, const std::string& key) {
+[[nodiscard]] inline const Quantity* find_quantity(const Quantities& quantities,
+                                                   const std::string& key) {
   for (const Quantity& q : quantities)
     if (q.key == key) return &q;
   return nullptr;

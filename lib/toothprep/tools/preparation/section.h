@@ -36,6 +36,6 @@ struct Section {               // a plane through the tooth, with what it cuts
 
 // Where the plane of `section` cuts a surface: outlines in the plane's coordinates, closed for a
 // closed surface. Points lie on the mesh's edges.
-std::vector<Outline> outlines_of(const TriangleMesh& surface, const Section& section);
+[[nodiscard]] std::vector<Outline> outlines_of(const TriangleMesh& surface, const Section& section);
 
 }  // namespace toothprep

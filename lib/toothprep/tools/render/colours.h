@@ -9,13 +9,13 @@ namespace toothprep {
 
 using Colour = Eigen::Array3f;  // linear, 0 to 1
 
-Colour colour_from_srgb(int red, int green, int blue);  // 0 to 255 each
-float srgb_from_linear(float linear);                   // 0 to 1 both, clamped
+[[nodiscard]] Colour colour_from_srgb(int red, int green, int blue);  // 0 to 255 each
+[[nodiscard]] float srgb_from_linear(float linear);                   // 0 to 1 both, clamped
 
 // Of a surface under white light. Air: of a surface of which nothing is known.
-Colour tissue_colour(Tissue tissue);
+[[nodiscard]] Colour tissue_colour(Tissue tissue);
 
 // diverging_srgb() in linear light; grey for NaN.
-Colour diverging_colour(float value);
+[[nodiscard]] Colour diverging_colour(float value);
 
 }  // namespace toothprep

@@ -22,15 +22,15 @@ struct Image {    // what the renderer gives: colour and data, row by row
   std::vector<float> tissue;     // a Tissue label; 0 in the background and where it isn't known
   std::vector<float> deviation;  // mm; NaN in the background and where it isn't known
 
-  int width() const { return camera.width; }    // pixels
-  int height() const { return camera.height; }  // pixels
-  std::size_t pixel(int x, int y) const {       // place in the arrays (rgba: times 4)
+  int width() const { return camera.width; }             // pixels
+  int height() const { return camera.height; }           // pixels
+  [[nodiscard]] std::size_t pixel(int x, int y) const {  // place in the arrays (rgba: times 4)
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
            static_cast<std::size_t>(x);
   }
 };
 
-Image empty_image(const Camera& camera);  // background everywhere
+[[nodiscard]] Image empty_image(const Camera& camera);  // background everywhere
 
 // Multi-channel OpenEXR with the channels R, G, B, A (half), Z, N.X, N.Y, N.Z, tissue.ID,
 // deviation.Y (float), ZIP. The same picture gives the same bytes. Attributes: toothprep:view
@@ -49,9 +49,9 @@ struct Picture {
 Picture picture_of(const Image& image, const Colour& background = {0.58f, 0.62f, 0.66f});
 
 // Of one height, left to right.
-Picture side_by_side(const std::vector<Picture>& pictures);
+[[nodiscard]] Picture side_by_side(const std::vector<Picture>& pictures);
 
-std::string png_bytes(const Picture& picture);                    // a whole file
+[[nodiscard]] std::string png_bytes(const Picture& picture);      // a whole file
 void write_png(const Picture& picture, const std::string& path);  // throws Error
 
 }  // namespace toothprep

@@ -26,13 +26,13 @@ struct RenderPart {   // one surface of a scene
 };
 
 // The part of a tooth: its surface. Throws Error if nothing remains of it.
-RenderPart part_of(const LayeredTooth& tooth);
+[[nodiscard]] RenderPart part_of(const LayeredTooth& tooth);
 
 // Outward unit normal of the solid's level set at a place near its surface, by central differences
 // over a voxel; zero where the level set says nothing.
-Vec3 level_normal(const LayeredTooth& tooth, const Vec3& x);
+[[nodiscard]] Vec3 level_normal(const LayeredTooth& tooth, const Vec3& x);
 
 // The tissue at a place inside the tooth: that which reaches furthest beyond it.
-Tissue tissue_in(const LayeredTooth& tooth, const Vec3& x);
+[[nodiscard]] Tissue tissue_in(const LayeredTooth& tooth, const Vec3& x);
 
 }  // namespace toothprep

@@ -39,7 +39,7 @@ class Renderer {  // a scene; renders any number of pictures
   Renderer(Renderer&&) noexcept;  // what is left behind is empty
 
   std::vector<const TriangleMesh*> meshes() const;  // for fit_camera
-  Vec3 middle() const;                              // of the meshes' box, mm, W
+  [[nodiscard]] Vec3 middle() const;                // of the meshes' box, mm, W
 
   // Throws Error for options out of range.
   Image render(const Camera& camera, const RenderOptions& options = {}) const;

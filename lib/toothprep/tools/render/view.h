@@ -24,7 +24,7 @@ struct ToothAxes {
 // length. What is missing is made up: the crown to +z; mesial to -y (or what lies nearest to it
 // across the others). Throws Error for text that isn't three numbers, and for axes that are zero or
 // parallel.
-ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance);
+[[nodiscard]] ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance);
 
 struct View {                       // from where a tooth is seen
   std::string name = "oblique";     // for reports
@@ -38,10 +38,10 @@ inline constexpr std::string_view kViewNames[] = {"oblique", "occlusal", "buccal
                                                   "mesial",  "distal",   "apical"};
 
 // A name of kViewNames, or "X,Y,Z": from there towards the tooth. Throws Error otherwise.
-View view_of(const std::string& text, const ToothAxes& axes);
+[[nodiscard]] View view_of(const std::string& text, const ToothAxes& axes);
 
 // The view turned about an axis (W) by radians, as if the tooth turned the other way.
-View turned(View view, const Vec3& axis, double angle);
+[[nodiscard]] View turned(View view, const Vec3& axis, double angle);
 
 // A camera for parallel rays. Pixel (0, 0) is at the top left; the centre of pixel (x, y) sees
 // along `forward` from the point
@@ -55,7 +55,7 @@ struct Camera {
   double mm_per_pixel = 1;                                                   // scale
 
   // Where the place `x`, `y` pixels from the top left corner lies, mm, W.
-  Vec3 place(double x, double y) const {
+  [[nodiscard]] Vec3 place(double x, double y) const {
     return origin + mm_per_pixel * ((x - 0.5 * width) * right - (y - 0.5 * height) * up);
   }
 };
@@ -71,7 +71,8 @@ struct Fit {                       // how large a picture, and of what
 // The camera in which all of the meshes' vertices are seen (unless zoomed).
 // Throws Error for a picture that isn't 16 to 16384 pixels wide and high, more than 100 million
 // pixels, a zoom that isn't positive and finite, a view without direction, or no vertices.
-Camera fit_camera(const View& view, const std::vector<const TriangleMesh*>& meshes, const Fit& fit);
+[[nodiscard]] Camera fit_camera(const View& view, const std::vector<const TriangleMesh*>& meshes,
+                                const Fit& fit);
 
 // What is in front of a plane is taken away: where (x - point) . normal > 0.
 struct CutPlane {
@@ -81,6 +82,6 @@ struct CutPlane {
 
 // "X,Y,Z,NX,NY,NZ", or one of kViewNames but oblique: the plane through `middle` whose removed part
 // lies to that side. Throws Error otherwise.
-CutPlane cut_of(const std::string& text, const ToothAxes& axes, const Vec3& middle);
+[[nodiscard]] CutPlane cut_of(const std::string& text, const ToothAxes& axes, const Vec3& middle);
 
 }  // namespace toothprep

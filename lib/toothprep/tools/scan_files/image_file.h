@@ -55,14 +55,14 @@ struct ScanReadOptions {  // where a file can't say so itself
 std::unique_ptr<ScanSource> open_scan(const std::string& path, const ScanReadOptions& options = {});
 
 // The whole of it. What was changed or assumed on the way is in `notes`, a sentence each.
-ImageVolume<float> read_scan(const std::string& path, const ScanReadOptions& options,
-                             std::vector<std::string>* notes = nullptr);
+[[nodiscard]] ImageVolume<float> read_scan(const std::string& path, const ScanReadOptions& options,
+                                           std::vector<std::string>* notes = nullptr);
 ImageVolume<float> read_scan(const std::string& path,
                              const std::optional<std::array<double, 3>>& spacing_mm = {});
 
 // A label image; throws InputError as read_scan does, or if a value is not an integer in 0..65535.
-ImageVolume<std::uint16_t> read_label_image(const std::string& path, ScanReadOptions options,
-                                            std::vector<std::string>* notes = nullptr);
+[[nodiscard]] ImageVolume<std::uint16_t> read_label_image(
+    const std::string& path, ScanReadOptions options, std::vector<std::string>* notes = nullptr);
 ImageVolume<std::uint16_t> read_label_image(
     const std::string& path, const std::optional<std::array<double, 3>>& spacing_mm = {});
 
@@ -76,7 +76,7 @@ struct SeriesInfo {                        // of a DICOM folder
 };
 
 // The DICOM series in a folder, by series number, then UID. Throws InputError if there is none.
-std::vector<SeriesInfo> list_series(const std::string& folder);
+[[nodiscard]] std::vector<SeriesInfo> list_series(const std::string& folder);
 
 // SHA-256 of the file, or if its voxels are in others, over the SHA-256 of all; of a folder:
 // over the SHA-256 of the DICOM files of the series (see ScanReadOptions) in the order of their

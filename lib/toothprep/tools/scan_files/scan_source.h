@@ -64,9 +64,9 @@ void for_each_slab(ScanSource& source, int first, int last, const VisitSlab& vis
                    const std::function<void(double)>& progress = {});
 
 // All of it at once; checked as for_each_slab does.
-ImageVolume<float> read_all(ScanSource& source);
+[[nodiscard]] ImageVolume<float> read_all(ScanSource& source);
 
 // As labels; throws InputError too if a value is not an integer in 0..65535.
-ImageVolume<std::uint16_t> read_labels(ScanSource& source);
+[[nodiscard]] ImageVolume<std::uint16_t> read_labels(ScanSource& source);
 
 }  // namespace toothprep

@@ -47,6 +47,6 @@ struct Assessment {                       // everything that was measured
 
 // Throws InputError or Error as the parts do: files that can't be read, meshes that aren't closed,
 // teeth that don't match, an empty preparation, a target outside the tooth.
-Assessment assess(const AssessmentOptions& options);
+[[nodiscard]] Assessment assess(const AssessmentOptions& options);
 
 }  // namespace toothprep

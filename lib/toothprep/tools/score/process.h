@@ -31,7 +31,8 @@ struct ProcessOptions {       // limits of the figures
 };
 
 enum class ProcessEventKind { kContact, kStall, kPulp, kNeighbour, kForceLimit };  // what lasted
-const char* name_of(ProcessEventKind kind) noexcept;  // "contact", "stall", "pulp touched", ...
+[[nodiscard]] const char* name_of(
+    ProcessEventKind kind) noexcept;  // "contact", "stall", "pulp touched", ...
 
 // Something that lasted from `begin` to `end` (s), interruptions below the shortest gap included.
 struct ProcessEvent {
@@ -46,6 +47,7 @@ struct ProcessFigures {              // of a recording
 
 // Throws Error for fewer than two rows, times that don't increase, or limits that are not finite
 // and above 0.
-ProcessFigures process_figures(const std::vector<StepRecord>& rows, const ProcessOptions& options);
+[[nodiscard]] ProcessFigures process_figures(const std::vector<StepRecord>& rows,
+                                             const ProcessOptions& options);
 
 }  // namespace toothprep

@@ -28,7 +28,7 @@ struct Range {                                                     // closed
 };
 
 // "1.5 to 2.0 mm", "at most 10°", "at least 4.00 mm", "no".
-std::string range_text(const Range& range, const std::string& unit);
+[[nodiscard]] std::string range_text(const Range& range, const std::string& unit);
 
 struct Criterion {                 // one [[criterion]] of a rubric
   std::string key;                 // of a quantity, or "group.*": every member, judged by the worst
@@ -47,17 +47,17 @@ struct Rubric {                     // a rubric file
   std::vector<Criterion> criteria;  // in the file's order
 };
 
-const std::vector<std::string>& preparation_types();  // crown, class1, class2
+[[nodiscard]] const std::vector<std::string>& preparation_types();  // crown, class1, class2
 
 // Throws InputError (file, key, condition): not TOML, unknown keys and quantities (with the nearest
 // known), a unit that is not the quantity's, NaN, low above high, `ideal` not inside `tolerated`,
 // `tolerated` not inside `hard_fail`, points that would have to fall towards infinity, weights not
 // above 0, a quantity judged twice, no criterion at all.
-Rubric read_rubric(const std::string& path);
-Rubric parse_rubric(const std::string& toml, const std::string& where);
+[[nodiscard]] Rubric read_rubric(const std::string& path);
+[[nodiscard]] Rubric parse_rubric(const std::string& toml, const std::string& where);
 
 enum class CriterionVerdict { kIdeal, kTolerated, kOutside, kNotJudged };  // where a value lies
-const char* name_of(CriterionVerdict verdict) noexcept;  // "ideal", ..., "not judged"
+[[nodiscard]] const char* name_of(CriterionVerdict verdict) noexcept;  // "ideal", ..., "not judged"
 
 struct CriterionResult {        // of one criterion
   Criterion criterion;          // as the rubric has it
@@ -85,6 +85,6 @@ struct RubricResult {                                      // of the whole
 };
 
 // Values that are not finite count as missing.
-RubricResult judge(const Rubric& rubric, const Quantities& quantities);
+[[nodiscard]] RubricResult judge(const Rubric& rubric, const Quantities& quantities);
 
 }  // namespace toothprep

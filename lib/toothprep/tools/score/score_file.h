@@ -48,7 +48,7 @@ struct ScoreSheet {                      // what score.json holds
 
 // The file's text. Same sheet, same text. Throws Error if two quantities have the same key, one is
 // a group and a quantity at once, or one has the name of another member of the file.
-std::string score_json(const ScoreSheet& sheet);
+[[nodiscard]] std::string score_json(const ScoreSheet& sheet);
 
 // Writes it to `path` (callers go through Outputs). Throws Error if that fails.
 void write_score(const ScoreSheet& sheet, const std::string& path);

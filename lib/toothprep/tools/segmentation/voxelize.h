@@ -52,16 +52,18 @@ struct VoxelizeReport {
 // naming what was found, when its two brightest classes can't be dentin and enamel (plausibility.h),
 // or when the tooth would take more memory than there is. Provenance gets threshold_dentin and
 // threshold_enamel.
-LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
-                           VoxelizeReport* report = nullptr);
-LayeredTooth voxelize_scan(const ImageVolume<float>& scan, const VoxelizeOptions& options,
-                           VoxelizeReport* report = nullptr);
+[[nodiscard]] LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
+                                         VoxelizeReport* report = nullptr);
+[[nodiscard]] LayeredTooth voxelize_scan(const ImageVolume<float>& scan,
+                                         const VoxelizeOptions& options,
+                                         VoxelizeReport* report = nullptr);
 
 // Labels to tooth. `tissues` maps label values to tissues; label values not named are air. Every
 // named voxel counts, floating pieces too: volumes are those of the labels. Throws Error if a label
 // of the map does not occur, or when the tooth would take more memory than there is.
-LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
-                             const std::map<std::uint16_t, Tissue>& tissues,
-                             const VoxelizeOptions& options, VoxelizeReport* report = nullptr);
+[[nodiscard]] LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
+                                           const std::map<std::uint16_t, Tissue>& tissues,
+                                           const VoxelizeOptions& options,
+                                           VoxelizeReport* report = nullptr);
 
 }  // namespace toothprep

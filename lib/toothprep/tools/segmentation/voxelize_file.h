@@ -25,6 +25,6 @@ struct VoxelizedScan {  // what came out
 };
 
 // Throws InputError that names the file.
-VoxelizedScan voxelize_file(const ScanJob& job);
+[[nodiscard]] VoxelizedScan voxelize_file(const ScanJob& job);
 
 }  // namespace toothprep

@@ -46,18 +46,18 @@ struct Shell {                                          // a surface as read, wi
 // into triangles; equal points are merged. Throws InputError if it is unreadable, truncated or
 // empty, has a coordinate that is not finite, more than 20 million triangles, or a size that can't
 // be millimetres (box longer than 200 mm or shorter than 0.5 mm).
-Shell read_shell(const std::string& path);
+[[nodiscard]] Shell read_shell(const std::string& path);
 
 // What keeps a shell from bounding a solid, one clause each with its place in mm: faces without
 // area or given twice, holes, edges of more than two faces, flipped faces, faces that intersect,
 // components turned inside out. Later checks need the earlier ones to pass. Empty: the shell is
 // fit.
-std::vector<std::string> shell_faults(const Shell& shell);
+[[nodiscard]] std::vector<std::string> shell_faults(const Shell& shell);
 
 // Repairs what can be without guessing and says what it did: removes faces given twice or without
 // area, turns flipped faces, fills holes whose rim is shorter than 1 mm. Wider holes, edges of more
 // than two faces and intersections stay, for shell_faults() to find.
-std::vector<std::string> repair_shell(Shell& shell);
+[[nodiscard]] std::vector<std::string> repair_shell(Shell& shell);
 
 struct TissueShell {                // which tissue a shell bounds
   Tissue tissue = Tissue::kEnamel;  // not air
@@ -75,15 +75,16 @@ struct ShellOptions {  // of the tooth that is made
 // The tooth of shells without faults (not checked again), each of another tissue; see above.
 // `notes` gets what a user ought to look at. Throws Error if there is no shell, a tissue is given
 // twice, or the tooth would take more than 2^29 voxels or more memory than there is.
-LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells, const ShellOptions& options,
-                             std::vector<std::string>* notes = nullptr);
+[[nodiscard]] LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells,
+                                           const ShellOptions& options,
+                                           std::vector<std::string>* notes = nullptr);
 
 // The tooth of the files, each of another tissue; `repair`: by repair_shell() where there are faults.
 // `notes` gets what was repaired too. Provenance gets source (the files' names) and source_sha256
 // (over the SHA-256 of each). Throws InputError for a shell with faults, as read_shell() and as
 // voxelize_shells() do.
-LayeredTooth voxelize_shell_files(const std::vector<std::pair<Tissue, std::string>>& files,
-                                  bool repair, const ShellOptions& options,
-                                  std::vector<std::string>& notes);
+[[nodiscard]] LayeredTooth voxelize_shell_files(
+    const std::vector<std::pair<Tissue, std::string>>& files, bool repair,
+    const ShellOptions& options, std::vector<std::string>& notes);
 
 }  // namespace toothprep

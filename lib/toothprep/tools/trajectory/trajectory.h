@@ -22,17 +22,18 @@ struct Trajectory {                   // a commanded motion, at any rate
 
 // Takes a recorded quaternion as an orientation: false unless its length is 1 to 1e-3. It is
 // normalised only where it needs to be, so that what this toolkit wrote is read back bit for bit.
-bool accept_quaternion(const Quat& recorded, Quat& orientation);
+[[nodiscard]] bool accept_quaternion(const Quat& recorded, Quat& orientation);
 
 // Reads `time_s,x_mm,y_mm,z_mm[,qx,qy,qz,qw][,buttons][,fx_N,fy_N,fz_N]`. Throws InputError with
 // the line and column for anything else: wrong header, a missing unit, NaN, time that does not
 // increase, a quaternion that is not of unit length (to 1e-3; it is normalised), fewer than two
 // samples. Columns are found by name, so their order is free.
-Trajectory read_csv_trajectory(const std::string& path);
+[[nodiscard]] Trajectory read_csv_trajectory(const std::string& path);
 // The same of a table that may have further columns, named in `also`: those that it has go to
 // `further` by their name, a finite value per sample.
-Trajectory read_csv_trajectory(const std::string& path, const std::vector<std::string>& also,
-                               std::map<std::string, std::vector<double>>& further);
+[[nodiscard]] Trajectory read_csv_trajectory(const std::string& path,
+                                             const std::vector<std::string>& also,
+                                             std::map<std::string, std::vector<double>>& further);
 
 // Runs a trajectory script (.toml): a start pose, then segments `line`, `hold`, `arc`, `waypoints`
 // and `lattice`. Every key is described in data/trajectories/README.md.
@@ -40,19 +41,19 @@ Trajectory read_csv_trajectory(const std::string& path, const std::vector<std::s
 // Samples stand at exactly i / rate_hz across all segments; the last one, at or just after the end,
 // is the end pose. Throws InputError with the key, e.g. "segment[3].speed_mm_s", also for more than
 // 24 h or kMostSamples.
-Trajectory read_script(const std::string& path);
-Trajectory parse_script(const std::string& toml, const std::string& where);
+[[nodiscard]] Trajectory read_script(const std::string& path);
+[[nodiscard]] Trajectory parse_script(const std::string& toml, const std::string& where);
 
 // Samples at exactly start + i * time_step, i = 0, 1, ...: positions linear, orientations slerp,
 // buttons of the latest sample. The last one is the last that does not lie behind the trajectory's
 // end. A trajectory that already has these times (to 1e-9 s) is returned bit for bit, with its
 // rejected samples; otherwise these are left out before anything is interpolated. A gap above
 // 0.1 s is an InputError naming the time, unless `allow_gaps`.
-std::vector<HandleSample> resample(const Trajectory& trajectory, double time_step, bool allow_gaps,
-                                   const std::string& where);
+[[nodiscard]] std::vector<HandleSample> resample(const Trajectory& trajectory, double time_step,
+                                                 bool allow_gaps, const std::string& where);
 
 // The trajectory without the samples that are rejected, and without their forces.
-Trajectory without_rejected(const Trajectory& trajectory);
+[[nodiscard]] Trajectory without_rejected(const Trajectory& trajectory);
 
 // Throws InputError if a run along the motion that was read from `path` takes more memory than
 // there is.
