@@ -80,44 +80,6 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   return j;
 }
 
-// What a user is shown of a run: what to be careful with, then its figures.
-void talk(const Common& common, const ReplayResult& r, const Trace& trace) {
-  const SessionTotals& t = r.totals;
-  if (trace.drive == "direct" && t.stalled_steps > 0)
-    warn(
-        fmt::format("direct drive needed more than the stall torque in {} steps: nothing was "
-                    "removed there, force and torque are scaled to the limit",
-                    t.stalled_steps));
-  if (t.rejected_steps > 0)
-    say(common, fmt::format("{} steps were not made: the device's readings were rejected there",
-                            t.rejected_steps));
-  if (t.split_steps_cut_short > 0)
-    warn(fmt::format(
-        "the bur was so fast in {} steps that they went in fewer parts than a third of a voxel "
-        "each: work and removal may disagree there; move the handle more slowly",
-        t.split_steps_cut_short));
-  if (t.shank_contact_steps > 0)
-    warn(fmt::format("the shank touched the tooth in {} steps; it neither grinds nor removes",
-                     t.shank_contact_steps));
-  if (trace.initial_overlap_mm3 > 0)
-    warn(fmt::format(
-        "{:.3f} mm^3 of tissue lay inside the bur at the first sample and were removed first",
-        trace.initial_overlap_mm3));
-  say(common,
-      fmt::format(
-          "{} steps, {:.1f} s at {:.0f} times real time; step {:.1f} us median, {:.1f} us 99 %",
-          trace.rows.size() - 1, r.seconds_simulated, r.seconds_simulated / r.seconds_computed,
-          r.step_us_p50, r.step_us_p99));
-  say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
-                          t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
-  if (trace.drive == "coupled")
-    say(common, fmt::format("peak force {:.2f} N; largest lag of the bur behind the handle {:.2f} "
-                            "mm; stalled {} steps in {} stalls",
-                            t.peak_device_force, t.largest_lag, t.stalled_steps, t.stall_onsets));
-  else
-    say(common, fmt::format("peak force {:.2f} N", t.peak_device_force));
-}
-
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory});
@@ -184,7 +146,40 @@ void run(const Options& o, const Common& common) {
   const Json report = o.json ? report_json(r, trace, o, audit, findings, element_mm) : Json();
   outputs.publish();
 
-  talk(common, r, trace);
+  const SessionTotals& t = r.totals;
+  if (trace.drive == "direct" && t.stalled_steps > 0)
+    warn(
+        fmt::format("direct drive needed more than the stall torque in {} steps: nothing was "
+                    "removed there, force and torque are scaled to the limit",
+                    t.stalled_steps));
+  if (t.rejected_steps > 0)
+    say(common, fmt::format("{} steps were not made: the device's readings were rejected there",
+                            t.rejected_steps));
+  if (t.split_steps_cut_short > 0)
+    warn(fmt::format(
+        "the bur was so fast in {} steps that they went in fewer parts than a third of a voxel "
+        "each: work and removal may disagree there; move the handle more slowly",
+        t.split_steps_cut_short));
+  if (t.shank_contact_steps > 0)
+    warn(fmt::format("the shank touched the tooth in {} steps; it neither grinds nor removes",
+                     t.shank_contact_steps));
+  if (trace.initial_overlap_mm3 > 0)
+    warn(fmt::format(
+        "{:.3f} mm^3 of tissue lay inside the bur at the first sample and were removed first",
+        trace.initial_overlap_mm3));
+  say(common,
+      fmt::format(
+          "{} steps, {:.1f} s at {:.0f} times real time; step {:.1f} us median, {:.1f} us 99 %",
+          trace.rows.size() - 1, r.seconds_simulated, r.seconds_simulated / r.seconds_computed,
+          r.step_us_p50, r.step_us_p99));
+  say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
+                          t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
+  if (trace.drive == "coupled")
+    say(common, fmt::format("peak force {:.2f} N; largest lag of the bur behind the handle {:.2f} "
+                            "mm; stalled {} steps in {} stalls",
+                            t.peak_device_force, t.largest_lag, t.stalled_steps, t.stall_onsets));
+  else
+    say(common, fmt::format("peak force {:.2f} N", t.peak_device_force));
   say(common, audit_text(audit));
   if (o.json) std::cout << json_text(report);
 }
