@@ -49,8 +49,7 @@ TEST_P(RejectedReadings, CutNothingAndAreNotFelt) {
   }
   a.finish(row);
   b.finish(expected);
-  EXPECT_NEAR(row.removed_volume[0], expected.removed_volume[0],
-              1e-3 * expected.removed_volume[0]);
+  EXPECT_NEAR(row.removed_volume[0], expected.removed_volume[0], 1e-3 * expected.removed_volume[0]);
   EXPECT_EQ(a.totals().rejected_steps, 1);
 }
 
@@ -70,8 +69,7 @@ TEST(RejectedReadingsTaken, WouldHaveDrilled) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Drives, RejectedReadings,
-                         ::testing::Values(Drive::kDirect, Drive::kCoupled),
-                         [](const auto& drive) {
+                         ::testing::Values(Drive::kDirect, Drive::kCoupled), [](const auto& drive) {
                            return drive.param == Drive::kDirect ? "Direct" : "Coupled";
                          });
 
