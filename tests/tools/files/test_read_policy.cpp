@@ -1,10 +1,12 @@
 // Who reads a file first: a child process, or nobody.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <iterator>
 #include <string>
 
 #include "toothprep/proof/specimen/block.h"
@@ -40,9 +42,14 @@ class ReadPolicies : public testing::Test {
     small.size = Vec3(2, 2, 2);
     small.enamel = 1;
     write_tooth(make_block(small), path("ours.vdb"));
-    std::filesystem::copy_file(path("ours.vdb"), path("damaged.vdb"));
-    std::filesystem::resize_file(path("damaged.vdb"),
-                                 std::filesystem::file_size(path("damaged.vdb")) - 100);
+    std::ifstream in(path("ours.vdb"), std::ios::binary);
+    std::string bytes((std::istreambuf_iterator<char>(in)), {});
+    std::ofstream(path("short.vdb"), std::ios::binary) << bytes.substr(0, bytes.size() - 100);
+    // Another program's: a random id (UUID version 4) in place of the one that is a checksum.
+    std::size_t at = 0;
+    while (bytes[at + 8] != '-' || bytes[at + 13] != '-' || bytes[at + 18] != '-') ++at;
+    bytes[at + 14] = '4';
+    std::ofstream(path("foreign.vdb"), std::ios::binary) << bytes;
     std::ofstream(path("no.h5")) << "no HDF5";
   }
   ~ReadPolicies() override { std::filesystem::remove_all(folder_); }
@@ -61,15 +68,15 @@ TEST_F(ReadPolicies, DirectlyNoProcessIsMade) {
     EXPECT_TRUE(is_trace_file(path("trace.h5"), direct));
     EXPECT_FALSE(is_session_file(path("trace.h5"), direct));
     EXPECT_GT(read_tooth(path("ours.vdb"), direct).solid.bricks_stored(), 0u);
-    EXPECT_THROW(static_cast<void>(read_tooth(path("damaged.vdb"), direct)), InputError);
+    EXPECT_GT(read_tooth(path("foreign.vdb"), direct).solid.bricks_stored(), 0u);
+    EXPECT_THROW(static_cast<void>(read_tooth(path("short.vdb"), direct)), InputError);
     EXPECT_THROW(static_cast<void>(read_session(path("no.h5"), direct)), InputError);
   }));
 }
 
 TEST_F(ReadPolicies, UnlessAskedOtherwiseAChildReadsFirstWhatNobodyVouchesFor) {
   EXPECT_TRUE(makes_a_child([&] { EXPECT_EQ(read_trace(path("trace.h5")).rows.size(), 3u); }));
-  EXPECT_TRUE(makes_a_child(
-      [&] { EXPECT_THROW(static_cast<void>(read_tooth(path("damaged.vdb"))), InputError); }));
+  EXPECT_TRUE(makes_a_child([&] { static_cast<void>(read_tooth(path("foreign.vdb"))); }));
   EXPECT_FALSE(
       makes_a_child([&] { static_cast<void>(read_tooth(path("ours.vdb"))); }));  // by its checksum
 }
@@ -88,7 +95,7 @@ TEST_F(ReadPolicies, TheErrorsPartsAreTheSameEitherWay) {
         EXPECT_EQ(trial.place(), direct.place());
         EXPECT_EQ(trial.condition(), direct.condition());
         EXPECT_EQ(trial.remedy(), direct.remedy());
-        EXPECT_FALSE(trial.remedy().empty());
+        EXPECT_EQ(trial.remedy().empty(), std::string(name) == "missing.h5");
       }
     }
 }
