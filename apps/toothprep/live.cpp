@@ -17,6 +17,7 @@
 #include "toothprep/tools/device/openhaptics_device.h"
 #include "toothprep/tools/device/simulated_device.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/files/trajectory_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/live_session/active_check.h"
@@ -199,7 +200,7 @@ void report_session(const Common& common, const LiveOutcome& outcome) {
 
 Vec3 start_of(const Options& o, const LayeredTooth& tooth, const Registration& registration) {
   if (!o.start.empty()) return {o.start[0], o.start[1], o.start[2]};
-  if (!o.hand.empty()) return load_trajectory(o.hand).samples.front().pose.position;
+  if (!o.hand.empty()) return read_trajectory(o.hand).samples.front().pose.position;
   return start_above(tooth, registration);
 }
 
@@ -219,7 +220,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
 
   const auto device = open_device(o, [&] {
     if (!o.hand.empty())
-      return hand_along_world_path(load_trajectory(o.hand).samples, settings.registration,
+      return hand_along_world_path(read_trajectory(o.hand).samples, settings.registration,
                                    settings.start);
     say(common, "the simulated hand moves in slow loops; --hand gives it a path");
     return hand_in_loops(settings.registration, settings.start);

@@ -157,10 +157,8 @@ void run(const Options& o, const Common& common) {
   if (!o.cut.empty()) drawing.options.cut = cut_of(o.cut, axes, renderer.middle());
   if (!o.view.empty() || o.cut.empty()) {
     drawing.view = view_of(o.view.empty() ? "oblique" : o.view, axes);
-  } else {  // straight at the cut
-    const Vec3& n = drawing.options.cut->normal;
-    drawing.view = {
-        o.cut, -n, std::abs(n.dot(axes.occlusal)) > 0.999 * n.norm() ? axes.buccal : axes.occlusal};
+  } else {
+    drawing.view = view_at(*drawing.options.cut, axes, o.cut);
   }
 
   if (o.turntable > 0) {

@@ -21,8 +21,10 @@
 #include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/grinding/engine.h"
+#include "toothprep/step/session/run_warnings.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/files/trajectory_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/version.h"
@@ -89,7 +91,7 @@ void run(const Options& o, const Common& common) {
 
   const Parameters parameters = load_parameters(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
-  const Trajectory trajectory = load_trajectory(o.trajectory);
+  const Trajectory trajectory = read_trajectory(o.trajectory);
   std::vector<Finding> findings = judge_motion(without_rejected(trajectory).samples);
   for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
   if (o.strict) warn_or_refuse(o.trajectory, findings, true);
@@ -147,26 +149,10 @@ void run(const Options& o, const Common& common) {
   outputs.publish();
 
   const SessionTotals& t = r.totals;
-  if (trace.drive == "direct" && t.stalled_steps > 0)
-    warn(
-        fmt::format("direct drive needed more than the stall torque in {} steps: nothing was "
-                    "removed there, force and torque are scaled to the limit",
-                    t.stalled_steps));
   if (t.rejected_steps > 0)
     say(common, fmt::format("{} steps were not made: the device's readings were rejected there",
                             t.rejected_steps));
-  if (t.split_steps_cut_short > 0)
-    warn(fmt::format(
-        "the bur was so fast in {} steps that they went in fewer parts than a third of a voxel "
-        "each: work and removal may disagree there; move the handle more slowly",
-        t.split_steps_cut_short));
-  if (t.shank_contact_steps > 0)
-    warn(fmt::format("the shank touched the tooth in {} steps; it neither grinds nor removes",
-                     t.shank_contact_steps));
-  if (trace.initial_overlap_mm3 > 0)
-    warn(fmt::format(
-        "{:.3f} mm^3 of tissue lay inside the bur at the first sample and were removed first",
-        trace.initial_overlap_mm3));
+  for (const std::string& text : run_warnings(t, drive_of(o.session))) warn(text);
   say(common,
       fmt::format(
           "{} steps, {:.1f} s at {:.0f} times real time; step {:.1f} us median, {:.1f} us 99 %",

@@ -12,7 +12,6 @@
 #include "strictness.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/core/hash.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/score/assess.h"
 #include "toothprep/tools/score/definitions.h"
@@ -31,10 +30,6 @@ struct Options {
 std::optional<Vec3> direction(const std::vector<double>& given) {
   if (given.empty()) return {};
   return Vec3(given[0], given[1], given[2]);
-}
-
-std::string shipped_rubric(const std::string& type) {
-  return data_folder() + "/rubrics/" + type + ".toml";
 }
 
 void list_quantities() {
@@ -84,19 +79,7 @@ void run(Options o, const Common& common) {
   const std::string report = outputs.optional_folder(o.report);
   outputs.begin();
 
-  // Without a rubric of the user's it is the one shipped for the type, which may have to be found.
-  std::string rubric = o.rubric;
-  if (rubric.empty() && !o.type.empty()) rubric = shipped_rubric(o.type);
-  if (!rubric.empty() && rubric != "none") a.rubric = read_rubric(rubric);
-  Assessment assessment = assess(a);
-  if (rubric.empty()) {
-    rubric = shipped_rubric(assessment.sheet.type);
-    assessment.sheet.result = judge(read_rubric(rubric), assessment.sheet.quantities);
-  }
-  if (rubric != "none")
-    assessment.sheet.inputs.push_back(
-        {"rubric", o.rubric.empty() ? "the shipped rubric for " + assessment.sheet.type : o.rubric,
-         sha256_of_file(rubric)});
+  Assessment assessment = assess_by_rubric(a, o.rubric, data_folder() + "/rubrics");
   assessment.sheet.toothprep_version = kVersion;
   assessment.sheet.build = build_text();
 

@@ -2,13 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <iostream>
 
 #include "numeric_options.h"
 #include "toothprep/step/bur/bur_library.h"
-#include "toothprep/step/core/errors.h"
-#include "toothprep/tools/files/trace.h"
 
 namespace toothprep::app {
 
@@ -49,14 +46,6 @@ Parameters load_parameters(const SessionOptions& o) {
 
 Drive drive_of(const SessionOptions& o) {
   return o.drive == "direct" ? Drive::kDirect : Drive::kCoupled;
-}
-
-Trajectory load_trajectory(const std::string& path) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  if (extension == ".toml") return read_script(path);
-  if (extension == ".csv") return read_csv_trajectory(path);
-  if (extension == ".h5" || extension == ".hdf5") return read_h5_trajectory(path);
-  throw InputError(path, "", "not a trajectory by its name", "use .toml, .csv or .h5");
 }
 
 void print_bur_library() {

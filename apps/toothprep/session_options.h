@@ -6,7 +6,6 @@
 
 #include "command.h"
 #include "toothprep/step/core/parameters.h"
-#include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep::app {
 
@@ -22,9 +21,6 @@ void add_session_options(CLI::App& sub, SessionOptions& options);
 Parameters load_parameters(const SessionOptions& options);
 
 Drive drive_of(const SessionOptions& options);
-
-// A script (.toml), .csv or .h5, by its name.
-Trajectory load_trajectory(const std::string& path);
 
 // On stdout.
 void print_bur_library();

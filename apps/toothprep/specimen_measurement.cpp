@@ -14,6 +14,7 @@
 #include "toothprep/step/session/replay.h"
 #include "toothprep/tools/calibrate/measurement.h"
 #include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/files/trajectory_file.h"
 #include "toothprep/tools/io/csv_writer.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/plain_text.h"
@@ -102,7 +103,7 @@ void run(const Options& o, const Common& common) {
   validate(parameters);
 
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
-  const Trajectory trajectory = load_trajectory(o.trajectory);
+  const Trajectory trajectory = read_trajectory(o.trajectory);
   check_run_memory(o.trajectory, trajectory, parameters.time_step);
   const auto path = resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);

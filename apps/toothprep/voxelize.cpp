@@ -5,18 +5,17 @@
 #include <chrono>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "command.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
-#include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/scan_report.h"
 #include "toothprep/tools/segmentation/voxelize_file.h"
+#include "toothprep/tools/segmentation/voxelize_json.h"
 #include "toothprep/tools/shells/shells.h"
 #include "toothprep/version.h"
 
@@ -136,7 +135,8 @@ auto with_line_ended(bool terminal, const Work& work) {
 // The file, a line on stderr, JSON on stdout.
 void finish(const LayeredTooth& tooth, const Options& options, const Common& common,
             Outputs& outputs, const std::string& output,
-            std::chrono::steady_clock::time_point start, const nlohmann::json& more) {
+            std::chrono::steady_clock::time_point start, const std::vector<std::string>& notes,
+            const VoxelizeReport* grey_scan = nullptr) {
   write_tooth(tooth, output);
   outputs.publish();
   const auto volumes = remaining_volumes_mm3(tooth);
@@ -146,21 +146,9 @@ void finish(const LayeredTooth& tooth, const Options& options, const Common& com
   for (int t = 0; t < kTissueCount; ++t)
     if (volumes[t] > 0) line += fmt::format(" {} {:.2f} mm3,", kTissueNames[t], volumes[t]);
   say(common, line + fmt::format(" voxel {:.4g} mm, {:.1f} s", options.voxel_mm, seconds));
-  if (!options.json) return;
-  nlohmann::json json = {{"schema", "toothprep-voxelize"},
-                         {"schema_version", 1},
-                         {"toothprep_version", kVersion},
-                         {"build", build_text()},
-                         {"source", tooth.provenance.at("source")},
-                         {"source_sha256", tooth.provenance.at("source_sha256")},
-                         {"tooth", options.output},
-                         {"tooth_sha256", tooth_sha256(tooth)},
-                         {"voxel_mm", options.voxel_mm},
-                         {"seconds", seconds}};
-  for (int t = 0; t < kTissueCount; ++t)
-    json["volume_mm3"][std::string(kTissueNames[t])] = volumes[t];
-  json.update(more);
-  std::cout << json_text(json);
+  if (options.json)
+    std::cout << voxelize_json(tooth, options.output, seconds, notes, {kVersion, build_text()},
+                               grey_scan);
 }
 
 void run_meshes(const Options& options, const Common& common) {
@@ -179,7 +167,7 @@ void run_meshes(const Options& options, const Common& common) {
   const LayeredTooth tooth = with_line_ended(
       terminal, [&] { return voxelize_shell_files(meshes, options.repair, how, notes); });
   for (const auto& note : notes) warn(note);
-  finish(tooth, options, common, outputs, output, start, {{"notes", notes}});
+  finish(tooth, options, common, outputs, output, start, notes);
 }
 
 ScanJob job_of(const Options& options) {
@@ -205,8 +193,7 @@ ScanJob job_of(const Options& options) {
   return job;
 }
 
-nlohmann::json greys_of(const Options& options, const Common& common,
-                        const VoxelizeReport& report) {
+void say_greys(const Options& options, const Common& common, const VoxelizeReport& report) {
   say(common,
       fmt::format(
           "thresholds {:.4g} (dentin), {:.4g} (enamel){}; grey values: surroundings {:.4g}, dentin "
@@ -214,11 +201,6 @@ nlohmann::json greys_of(const Options& options, const Common& common,
           report.threshold_dentin, report.threshold_enamel,
           options.thresholds.empty() ? ", automatic" : "", report.surroundings, report.dentin,
           report.enamel));
-  return {{"threshold_dentin", report.threshold_dentin},
-          {"threshold_enamel", report.threshold_enamel},
-          {"grey_surroundings", report.surroundings},
-          {"grey_dentin", report.dentin},
-          {"grey_enamel", report.enamel}};
 }
 
 void run_scan(const Options& options, const Common& common) {
@@ -241,10 +223,9 @@ void run_scan(const Options& options, const Common& common) {
     if (!run_script("plot-scan-report", {report_folder})) throw Error("plot-scan-report failed");
   }
   for (const auto& note : report.notes) warn(options.scan + ": " + note);
-  nlohmann::json more;
-  if (job.tissues.empty()) more = greys_of(options, common, report);
-  more["notes"] = report.notes;
-  finish(tooth, options, common, outputs, output, start, more);
+  const bool grey = job.tissues.empty();
+  if (grey) say_greys(options, common, report);
+  finish(tooth, options, common, outputs, output, start, report.notes, grey ? &report : nullptr);
 }
 
 void run(const Options& options, const Common& common) {

@@ -22,4 +22,5 @@ configure_file(${CMAKE_CURRENT_LIST_DIR}/build_info.cpp.in ${PROJECT_BINARY_DIR}
 add_library(toothprep_build_info STATIC ${PROJECT_BINARY_DIR}/generated/build_info.cpp)
 add_library(toothprep::build_info ALIAS toothprep_build_info)
 target_link_libraries(toothprep_build_info PRIVATE toothprep_options)
+set_target_properties(toothprep_build_info PROPERTIES POSITION_INDEPENDENT_CODE ON)  # for the Python module
 target_include_directories(toothprep_build_info PUBLIC ${PROJECT_SOURCE_DIR}/lib ${PROJECT_BINARY_DIR}/generated)

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <unsupported/Eigen/AutoDiff>
 
@@ -379,8 +380,11 @@ LayeredTooth make_molar(const MolarOptions& o) {
   constexpr double kCaution = 2.0;
   const double half = o.voxel * (kBrickEdge - 1) / 2.0;
   const double far = kCaution * half * std::sqrt(3.0) + kBandVoxels * o.voxel;
+  std::atomic<int> begun{0};  // bricks, of about so many:
+  const double bricks = ((upper - lower).cast<double>() / kBrickEdge).array().ceil().prod();
   LayeredTooth tooth =
       build_tooth_by_brick(lattice, lower, upper, [&](const Index3& first, ToothSample* samples) {
+        if (o.progress) o.progress(std::min(1.0, begun++ / bricks));
         const Vec3 middle = lattice.to_world(first) + Vec3::Constant(half);
         const ToothSample s = sample_molar(middle);
         if (std::abs(s.solid) > far &&

@@ -2,6 +2,8 @@
 // fissures, dentin, pulp chamber with horns and canals, two roots.
 #pragma once
 
+#include <functional>
+
 #include "toothprep/step/tooth/layered_tooth.h"
 
 namespace toothprep {
@@ -20,6 +22,9 @@ namespace toothprep {
 
 struct MolarOptions {  // its size is fixed
   double voxel = 0.1;  // mm
+  // Called now and then with the share that is done, from several threads; what it throws ends the
+  // work.
+  std::function<void(double done)> progress = {};
 };
 
 // Voxel centres lie at (i + 1/2) voxel. Throws Error if the voxel size is not in [0.02, 0.5] mm.

@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -351,8 +352,12 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
       std::any_of(parts_.begin(), parts_.end(), [](const Part& p) { return p.part.ghost; });
 
   Image image = empty_image(camera);
+  std::atomic<long> drawn{0};  // pixels
+  const double pixels = static_cast<double>(camera.width) * camera.height;
   tbb::parallel_for(tbb::blocked_range2d<int>(0, camera.height, 16, 0, camera.width, 16),
                     [&](const tbb::blocked_range2d<int>& tile) {
+                      const long before = drawn.fetch_add(tile.rows().size() * tile.cols().size());
+                      if (options.progress) options.progress(static_cast<double>(before) / pixels);
                       for (int y = tile.rows().begin(); y < tile.rows().end(); ++y)
                         for (int x = tile.cols().begin(); x < tile.cols().end(); ++x)
                           pass.draw_pixel(x, y, any_ghost, image);

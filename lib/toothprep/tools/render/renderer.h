@@ -9,6 +9,7 @@
 // whatever the number of threads.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -28,6 +29,9 @@ struct RenderOptions {       // of one picture
   // tooth; else one colour). A part is taken as closed where the ray first leaves it, so an open
   // shell may show a face that isn't there.
   std::optional<CutPlane> cut = std::nullopt;
+  // Called now and then with the share of the picture that is done, from several threads; what it
+  // throws ends the drawing.
+  std::function<void(double done)> progress = {};
 };
 
 class Renderer {  // a scene; renders any number of pictures

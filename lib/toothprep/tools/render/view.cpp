@@ -187,4 +187,10 @@ CutPlane cut_of(const std::string& text, const ToothAxes& axes, const Vec3& midd
           direction_of(*values, 3, "cut '" + text + "'")};
 }
 
+View view_at(const CutPlane& cut, const ToothAxes& axes, const std::string& name) {
+  const Vec3& n = cut.normal;
+  const bool along_crown = std::abs(n.dot(axes.occlusal)) > 0.999 * n.norm();
+  return {name, -n, along_crown ? axes.buccal : axes.occlusal};
+}
+
 }  // namespace toothprep

@@ -84,4 +84,7 @@ struct CutPlane {
 // lies to that side. Throws Error otherwise.
 [[nodiscard]] CutPlane cut_of(const std::string& text, const ToothAxes& axes, const Vec3& middle);
 
+// Straight at a cut, the crown up where it can be.
+View view_at(const CutPlane& cut, const ToothAxes& axes, const std::string& name = "cut");
+
 }  // namespace toothprep

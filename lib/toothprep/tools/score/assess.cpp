@@ -162,6 +162,10 @@ Assessment assess(const AssessmentOptions& options) {
   const auto keep_warnings = [&](const std::vector<std::string>& warnings) {
     sheet.warnings.insert(sheet.warnings.end(), warnings.begin(), warnings.end());
   };
+  const auto progress = [&](const char* stage, double done) {
+    if (options.progress) options.progress(stage, done);
+  };
+  progress("reading the teeth", 0.0);
   result.original = read_solid(options.original, options.voxel);
   keep_warnings(result.original.warnings);
   const double voxel = result.original.tooth.lattice.voxel;
@@ -174,6 +178,7 @@ Assessment assess(const AssessmentOptions& options) {
   const Solid prepared = read_solid(options.prepared, voxel);
   keep_warnings(prepared.warnings);
   const double coarser = std::max(voxel, prepared.tooth.lattice.voxel);
+  progress("laying them on each other", 0.2);
   result.prepared = placed(prepared, result.original, options, "prepared", quantities, sheet.notes,
                            surface_tolerance_mm);
   if (!options.target.empty()) {
@@ -185,6 +190,7 @@ Assessment assess(const AssessmentOptions& options) {
                            surface_tolerance_mm);
   }
 
+  progress("comparing volumes", 0.4);
   const VolumeComparison volumes =
       compare_volumes(result.original, result.prepared, result.target ? &*result.target : nullptr,
                       surface_tolerance_mm);
@@ -198,6 +204,7 @@ Assessment assess(const AssessmentOptions& options) {
     add_deviation(quantities, *result.deviation, coarser);
   }
 
+  progress("measuring the preparation", 0.6);
   // Geometry is measured on facets of about a voxel, which a mesh need not have.
   result.preparation_surface = result.prepared.layered && surface_tolerance_mm == 0
                                    ? result.prepared.surface
@@ -226,7 +233,30 @@ Assessment assess(const AssessmentOptions& options) {
 
   sheet.quantities = std::move(quantities);
   if (options.rubric) sheet.result = judge(*options.rubric, sheet.quantities);
+  progress("done", 1.0);
   return result;
+}
+
+Assessment assess_by_rubric(AssessmentOptions options, const std::string& rubric,
+                            const std::string& rubrics_folder) {
+  const auto shipped = [&](const std::string& type) {
+    return rubrics_folder + "/" + type + ".toml";
+  };
+  std::string file = rubric;
+  if (file.empty() && options.type)
+    file = shipped(std::string(kPreparationTypes[static_cast<std::size_t>(*options.type)]));
+  if (!file.empty() && file != "none") options.rubric = read_rubric(file);
+  Assessment assessment = assess(options);
+  ScoreSheet& sheet = assessment.sheet;
+  if (file.empty()) {  // the type had to be found
+    file = shipped(sheet.type);
+    sheet.result = judge(read_rubric(file), sheet.quantities);
+  }
+  if (file != "none")
+    sheet.inputs.push_back({"rubric",
+                            rubric.empty() ? "the shipped rubric for " + sheet.type : rubric,
+                            sha256_of_file(file)});
+  return assessment;
 }
 
 }  // namespace toothprep

@@ -6,6 +6,7 @@
 //   recording ────────────────────────────────▶ process figures    (score)
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,6 +32,8 @@ struct AssessmentOptions {              // what the options of `toothprep score`
   double voxel = 0.1;              // mm, for an original that is a mesh
   PreparationOptions preparation;  // its type is overwritten
   ProcessOptions process;          // of the recording
+  // Called with what is being done and how much of the whole is done (0..1), now and then.
+  std::function<void(const std::string& stage, double done)> progress;
 };
 
 struct Assessment {                       // everything that was measured
@@ -48,5 +51,10 @@ struct Assessment {                       // everything that was measured
 // Throws InputError or Error as the parts do: files that can't be read, meshes that aren't closed,
 // teeth that don't match, an empty preparation, a target outside the tooth.
 [[nodiscard]] Assessment assess(const AssessmentOptions& options);
+
+// assess() and judge() as the user asks: `rubric` is a file, "none", or empty for the one in
+// `rubrics_folder` for the type, given or found. The rubric is among the sheet's inputs.
+Assessment assess_by_rubric(AssessmentOptions options, const std::string& rubric,
+                            const std::string& rubrics_folder);
 
 }  // namespace toothprep

@@ -1,0 +1,37 @@
+#include "toothprep/tools/segmentation/voxelize_json.h"
+
+#include <nlohmann/json.hpp>
+
+#include "toothprep/tools/io/json_text.h"
+
+namespace toothprep {
+
+std::string voxelize_json(const LayeredTooth& tooth, const std::string& file, double seconds,
+                          const std::vector<std::string>& notes, const MadeBy& program,
+                          const VoxelizeReport* grey_scan) {
+  nlohmann::json json = {{"schema", "toothprep-voxelize"},
+                         {"schema_version", 1},
+                         {"toothprep_version", program.version},
+                         {"build", program.build},
+                         {"source", tooth.provenance.at("source")},
+                         {"source_sha256", tooth.provenance.at("source_sha256")},
+                         {"tooth", nullptr},
+                         {"tooth_sha256", tooth_sha256(tooth)},
+                         {"voxel_mm", tooth.lattice.voxel},
+                         {"seconds", seconds},
+                         {"notes", notes}};
+  if (!file.empty()) json["tooth"] = file;
+  const PerTissue<double> volumes = remaining_volumes_mm3(tooth);
+  for (int t = 0; t < kTissueCount; ++t)
+    json["volume_mm3"][std::string(kTissueNames[t])] = volumes[t];
+  if (grey_scan) {
+    json["threshold_dentin"] = grey_scan->threshold_dentin;
+    json["threshold_enamel"] = grey_scan->threshold_enamel;
+    json["grey_surroundings"] = grey_scan->surroundings;
+    json["grey_dentin"] = grey_scan->dentin;
+    json["grey_enamel"] = grey_scan->enamel;
+  }
+  return json_text(json);
+}
+
+}  // namespace toothprep
