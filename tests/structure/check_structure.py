@@ -31,6 +31,7 @@ HEAVY = {
     "Imf": ["lib/toothprep/tools/render"],
     "png": ["lib/toothprep/tools/render"],
     "CLI/": ["apps"],
+    "pybind11": ["lib/python"],
     "openssl": ["lib/toothprep/step/core"],
 }
 RINGS = ["step", "tools", "proof"]  # each may use itself and what stands before it
