@@ -3,14 +3,19 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <cstdlib>
+#include <functional>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "command.h"
 #include "numeric_options.h"
 #include "session_options.h"
 #include "strictness.h"
+#include "talk.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
@@ -28,13 +33,17 @@
 namespace toothprep::app {
 namespace {
 
+constexpr double kManyMissed = 0.01, kTooManyMissed = 0.1;  // of the ticks
+constexpr double kShortest = 0.1, kFarthest = 1e4;          // mm, of a registration's translation
+
 struct Options {
   SessionOptions session;
-  std::string output, prepared, device = "simulated", device_name, mirror_name, library;
+  std::string output, prepared, device = "simulated", device_name, mirror_name, mirror_hand,
+                                library;
   std::string registration, hand, protocol, pedal = "none", clutch = "none";
   std::vector<double> start;  // mm, W
   double duration = 0, display_hz = 0;
-  std::optional<double> force_limit, force_rate, vibration_limit;
+  std::optional<double> force_limit, force_rate, vibration_limit, speed_limit;
   std::optional<long> rate;
   bool force = false, json = false, no_real_time = false, strict = false;
 };
@@ -57,6 +66,8 @@ std::unique_ptr<HapticDevice> open_device(const Options& o,
   }
   SimulatedSettings settings;
   settings.motion = hand();
+  if (!o.mirror_hand.empty())
+    settings.mirror_motion = hand_along(load_trajectory(o.mirror_hand).samples);
   if (o.rate) settings.phantom.rate = static_cast<double>(*o.rate);
   return std::make_unique<SimulatedDevice>(settings);
 }
@@ -71,48 +82,101 @@ ForceLimits limits_of(const Options& o, const DeviceLimits& device) {
   return limits;
 }
 
+ReadingLimits readings_of(const Options& o, const DeviceLimits& device) {
+  ReadingLimits limits = reading_limits(device);
+  if (o.speed_limit) limits.speed = *o.speed_limit;
+  if (o.device == "simulated") {  // its hand may rest to the bit, and be anywhere
+    limits.frozen_after = std::numeric_limits<double>::infinity();
+    limits.workspace.setEmpty();
+  }
+  return limits;
+}
+
+// Options that mean nothing together.
+void check_options(const Options& o) {
+  const bool simulated = o.device == "simulated";
+  if (o.pedal != "none" && o.pedal == o.clutch)
+    throw Error("--pedal and --clutch are the same button; give two");
+  if (!simulated && !o.hand.empty())
+    throw Error("--hand moves the simulated device only; the hand of a real one is yours");
+  if (!simulated && !o.mirror_hand.empty())
+    throw Error("--mirror-hand moves the simulated device's mirror only; give --mirror");
+  if (simulated && !o.mirror_name.empty())
+    throw Error("--mirror names a second real device; the simulated one's moves by --mirror-hand");
+}
+
+void check_translation(const std::string& file, const Registration& registration) {
+  if (!registration.translation) return;
+  const double length = registration.translation->norm();
+  if (length > kFarthest)
+    throw InputError(file, "translation_mm", fmt::format("is {:g} mm long", length),
+                     "a device stands within metres of its tooth");
+  if (length > 0 && length < kShortest)
+    warn(fmt::format("{}: translation_mm is {:g} mm long; is it in metres?", file, length));
+}
+
 // ---- Signals: held back everywhere, looked at by the main thread.
 
 class Signals {
  public:
   Signals() {
     sigemptyset(&set_);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&set_, signal);
+    for (const int signal :
+         {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGPIPE, SIGTSTP})
+      sigaddset(&set_, signal);
     pthread_sigmask(SIG_BLOCK, &set_, &before_);
   }
-  ~Signals() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  ~Signals() { release(); }
+  // From now on they end the program as usual.
+  void release() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;
   bool came() {
     const timespec now{};
-    came_ = came_ || sigtimedwait(&set_, nullptr, &now) > 0;
+    for (int signal = 0; (signal = sigtimedwait(&set_, nullptr, &now)) > 0;) {
+      pause_ = pause_ || signal == SIGTSTP;
+      // SIGPIPE: whoever read the output is gone, which is no reason to end.
+      came_ = came_ || (signal != SIGPIPE && signal != SIGTSTP);
+    }
     return came_;
   }
+  bool pause() { return std::exchange(pause_, false); }
 
  private:
   sigset_t set_{}, before_{};
-  bool came_ = false;
+  bool came_ = false, pause_ = false;
 };
 
 // ---- Progress and figures
 
-LiveWatch watch_for(const Options& o, const Common& common, Signals& signals) {
+// At most 79 columns, so that a terminal of 80 doesn't break it.
+std::string status_line(const LiveStatus& s, double time, std::int64_t ticks_per_second) {
+  return fmt::format(
+      "{:6.1f} s {:5d} Hz  {:5.2f} N  lag {:5.2f} mm  removed {:7.2f} mm3  {:<10}{:>4}", time,
+      ticks_per_second, s.force, s.lag, s.removed[0] + s.removed[1] + s.removed[2] + s.removed[3],
+      s.reading != ReadingFault::kNone ? "NO READING"
+      : s.stalled                      ? "STALLED"
+      : s.locked                       ? "locked"
+      : s.running                      ? "turning"
+                                       : "stands",
+      s.heat > 0.9 ? "HOT" : "");
+}
+
+LiveWatch watch_for(const Options& o, const Common& common, Signals& signals, Talk& talk) {
   LiveWatch watch;
   watch.duration = o.duration;
   watch.stop_asked = [&signals] { return signals.came(); };
+  watch.pause_asked = [&signals] { return signals.pause(); };
   watch.real_time = !o.no_real_time;
-  watch.report_scheduling = [&common](const std::string& line) { say(common, line); };
-  if (common.quiet || isatty(STDERR_FILENO) == 0) return watch;
-  watch.report = [steps = std::int64_t{0}](const LiveStatus& s, const DeviceStatus& d) mutable {
-    std::fprintf(
-        stderr, "\r%6.1f s  %5lld ticks/s  force %5.2f N  lag %5.3f mm  removed %7.3f mm3  %s%s   ",
-        d.time, static_cast<long long>((s.steps - steps) * 4), s.force, s.lag,
-        s.removed[0] + s.removed[1] + s.removed[2] + s.removed[3],
-        s.stalled   ? "STALLED"
-        : s.running ? "turning"
-                    : "stands",
-        s.heat > 0.9 ? "  motors hot" : "");
-    std::fflush(stderr);
+  const bool terminal = isatty(STDERR_FILENO) != 0;
+  watch.report_scheduling = [&common, &talk](const std::string& line) {
+    if (!common.quiet) talk.line(line);
+  };
+  watch.note = [&talk](const std::string& line) { talk.line("warning: " + line); };
+  if (common.quiet || !terminal) return watch;
+  watch.report = [&talk, steps = std::int64_t{0}](const LiveStatus& s,
+                                                  const DeviceStatus& d) mutable {
+    talk.status(status_line(s, d.time, (s.steps - steps) * 4));
     steps = s.steps;
   };
   return watch;
@@ -139,6 +203,7 @@ nlohmann::ordered_json report_json(const RecordedRun& run, const Options& o,
   j["clamped_ticks"] = t.clamped;
   j["rate_limited_ticks"] = t.rate_limited;
   j["heat_limited_ticks"] = t.heat_limited;
+  j["rejected_readings"] = t.rejected;
   j["faults"] = run.end.device.faults;
   j["end_reason"] = run.end.reason;
   j["fault"] = run.end.fault;
@@ -176,8 +241,18 @@ void report(const Options& o, const Common& common, const HapticDevice& device,
   if (run.dropped > 0) warn(fmt::format("{} ticks could not be recorded", run.dropped));
   say(common, fmt::format("{}: {} rows; ended by: {}", o.output, run.rows, run.end.reason));
   if (o.json) std::cout << json_text(report_json(run, o, device, session));
+  const double missed = run.ticks.missed_share();
+  const std::string missing = fmt::format(
+      "{:.1f} % of the servo's ticks were missed: the machine is too busy, or the servo "
+      "runs without real-time priority",
+      100 * missed);
+  if (run.ticks.rejected > 0)
+    warn(fmt::format("{} readings of the hand could not be believed: no step was made there",
+                     run.ticks.rejected));
   if (run.end.fault) throw Error(run.end.reason + " (recorded in " + o.output + ")");
   if (!run.failure.empty()) throw Error(run.failure);
+  if (missed > kTooManyMissed && o.device != "simulated") throw Error(missing);
+  if (missed > kManyMissed) warn(missing);
 }
 
 void report_session(const Common& common, const LiveOutcome& outcome) {
@@ -212,6 +287,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   settings.drive = drive_of(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
   if (!o.registration.empty()) settings.registration = read_registration(o.registration);
+  check_translation(o.registration, settings.registration);
   if (settings.registration.translation && !o.start.empty())
     throw Error(o.registration +
                 ": has a translation, so --start-mm can't say where the hand starts");
@@ -235,13 +311,15 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
                     stiffness, limits.max_stiffness));
   settings.limits = limits_of(o, limits);
   settings.buttons = {button_mask(o.pedal), button_mask(o.clutch)};
+  settings.readings = readings_of(o, limits);
   settings.display_hz = o.display_hz;
-  settings.watch = watch_for(o, common, signals);
-  settings.warn = warn;
-
   Workpiece workpiece(tooth);
-  const LiveOutcome outcome =
-      run_live_session(*device, bur, tooth, workpiece, settings, record_target(o));
+  const LiveOutcome outcome = [&] {
+    Talk talk;
+    settings.watch = watch_for(o, common, signals, talk);
+    settings.warn = settings.watch.note;
+    return run_live_session(*device, bur, tooth, workpiece, settings, record_target(o));
+  }();
   std::string failure;
   if (!prepared.empty()) {
     apply_remaining_solid(tooth, workpiece.remaining_solid());
@@ -252,6 +330,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
       failure = e.what();
     }
   }
+  signals.release();  // whatever can be lost is written
   report_session(common, outcome);
   report(o, common, *device, outcome.run, &outcome);
   warn_or_refuse(o.output, outcome.findings, o.strict);
@@ -265,8 +344,13 @@ void run_protocol(const Options& o, const Common& common, Signals& signals, Outp
   for (const auto& note : device->limits().notes) warn(note);
   say(common,
       "active check: " + print_protocol(protocol) + "; hold the stylus lightly (rest: not at all)");
-  const RecordedRun run = run_active_check(*device, protocol, limits_of(o, device->limits()),
-                                           watch_for(o, common, signals), warn, record_target(o));
+  const RecordedRun run = [&] {
+    Talk talk;
+    const LiveWatch watch = watch_for(o, common, signals, talk);
+    return run_active_check(*device, protocol, limits_of(o, device->limits()), watch, watch.note,
+                            record_target(o));
+  }();
+  signals.release();
   report(o, common, *device, run, nullptr);
 }
 
@@ -276,14 +360,29 @@ void run(const Options& o, const Common& common) {
     if (o.session.bur.empty()) throw CLI::RequiredError("--bur");
     if (o.session.tooth.empty()) throw CLI::RequiredError("--tooth");
   }
+  check_options(o);
   Outputs outputs(o.force);
-  outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.registration, o.hand});
+  outputs.reads(
+      {o.session.tooth, o.session.bur, o.session.params, o.registration, o.hand, o.mirror_hand});
   outputs.growing(o.output, {".h5", ".hdf5"});
   Signals signals;
   if (o.protocol.empty())
     run_session(o, common, signals, outputs);
   else
     run_protocol(o, common, signals, outputs);
+}
+
+// False if the driver was given up: whatever libraries do at exit may hang then, too.
+bool run_to_the_end(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const std::exception& e) {
+    if (!driver_was_given_up()) throw;
+    std::cerr << "toothprep: " << e.what() << '\n';
+  }
+  std::cout.flush();
+  std::cerr.flush();
+  return !driver_was_given_up();
 }
 
 }  // namespace
@@ -317,12 +416,19 @@ void add_live(CLI::App& app, const Common& common) {
       ->expected(3);
   sub->add_option("--hand", o->hand,
                   "Simulated device: the hand's path in the tooth's frame (.toml, .csv or .h5)");
-  sub->add_option("--pedal", o->pedal,
-                  "Button that starts the bur: none (it always runs), 1, 2, 3, 4")
+  sub->add_option("--mirror-hand", o->mirror_hand,
+                  "Simulated device: a second one, along this path in its own frame");
+  sub->add_option("--speed-limit-mm-per-s", o->speed_limit,
+                  "A reading that is faster is rejected: no step, no force (2000)")
+      ->check(CLI::Range(10.0, 1e5));
+  sub->add_option(
+         "--pedal", o->pedal,
+         "Button that starts the bur, once it was released: 1, 2, 3, 4; none: it runs as soon as "
+         "it was clear of the tooth for half a second")
       ->check(CLI::IsMember({"none", "1", "2", "3", "4"}))
       ->capture_default_str();
   sub->add_option("--clutch", o->clutch,
-                  "Button that, while held, moves the hand without the handle")
+                  "Button that, while held, moves and turns the hand without the handle")
       ->check(CLI::IsMember({"none", "1", "2", "3", "4"}))
       ->capture_default_str();
   sub->add_option("--force-limit-n", o->force_limit, "At most so much force (absent: the device's)")
@@ -356,7 +462,7 @@ void add_live(CLI::App& app, const Common& common) {
       "  toothprep live --device openhaptics --protocol rest -o rest.h5");
   sub->callback([o, &common] {
     if (o->session.bur == "list") return print_bur_library();
-    run(*o, common);
+    if (!run_to_the_end([&] { run(*o, common); })) std::_Exit(1);
   });
 }
 

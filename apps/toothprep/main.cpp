@@ -1,9 +1,11 @@
 // The toothprep binary: parses the command line, runs one subcommand, turns errors into one line.
+#include <fcntl.h>
 #include <signal.h>
 #include <tbb/global_control.h>
 #include <unistd.h>
 
 #include <cctype>
+#include <cerrno>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -138,7 +140,15 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace toothprep::app
 
+// A file that is opened later must not become stderr: what is closed of 0, 1 and 2 is taken.
+static void reserve_standard_descriptors() {
+  for (int fd = 0; fd <= STDERR_FILENO; ++fd)
+    if (fcntl(fd, F_GETFD) < 0 && errno == EBADF)
+      static_cast<void>(open("/dev/null", fd == 0 ? O_RDONLY : O_WRONLY));
+}
+
 int main(int argc, char** argv) {
+  reserve_standard_descriptors();
   signal(SIGXFSZ, SIG_IGN);  // a file that gets too large is an error, not the program's end
   try {
     return toothprep::app::run(argc, argv);

@@ -82,6 +82,16 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   return j;
 }
 
+// The share that is done, on a terminal.
+struct Progress {
+  int last = -1;
+  void operator()(double done) {
+    if (static_cast<int>(done * 100) == last) return;
+    last = static_cast<int>(done * 100);
+    std::fprintf(stderr, "\rreplay %3d %%", last);
+  }
+};
+
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory});
@@ -121,12 +131,7 @@ void run(const Options& o, const Common& common) {
   Workpiece workpiece(tooth);
   const bool terminal = !common.quiet && isatty(2);
   ReplayResult r = replay(bur, workpiece, parameters, drive_of(o.session), path,
-                          terminal ? std::function<void(double)>([last = -1](double done) mutable {
-                            if (static_cast<int>(done * 100) == last) return;
-                            last = static_cast<int>(done * 100);
-                            std::fprintf(stderr, "\rreplay %3d %%", last);
-                          })
-                                   : std::function<void(double)>());
+                          terminal ? Progress() : std::function<void(double)>());
   if (terminal) std::fprintf(stderr, "\r            \r");
 
   const Audit audit =

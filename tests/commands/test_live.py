@@ -118,6 +118,93 @@ class Live(unittest.TestCase):
                                         '[[fault]]\nwhat = "warm-motors"\nat_tick = 200\nticks = 50\n')
         self.assertEqual(status, 0, error)
 
+    def faulty(self, name, settings, *args, duration="2"):
+        status, out, error = self.session(name, "--device", "openhaptics", "--duration-s", duration, "--json", "--quiet",
+                                          *args, settings=settings)
+        return status, json.loads(out) if out else {}, error
+
+    def removed(self, name):
+        return json.loads(self.ok("info", name, "--json"))["removed_mm3"]["enamel"]
+
+    def test_a_reading_far_away_makes_no_step_and_the_session_goes_on(self):
+        status, figures, error = self.faulty("jump.h5", '[[fault]]\nwhat = "pose-jump"\nat_tick = 1000\n')
+        self.assertEqual(status, 0, error)
+        self.assertEqual(figures["rejected_readings"], 1)
+        self.assertIn("jumped as no hand does", error)
+        self.assert_replay_is_the_same("jump.h5")
+
+    def test_readings_that_stay_wrong_end_it_as_a_named_fault(self):
+        for what, words in (("pose-jump", "jumped"), ("nan", "not finite")):
+            name = f"stays-{what}.h5"
+            status, figures, error = self.faulty(name, f'[[fault]]\nwhat = "{what}"\nat_tick = 700\nticks = 9000\n',
+                                                 duration="5")
+            self.assertEqual(status, 1, error)
+            self.assertIn(words, error.splitlines()[-1])
+            self.assertLess(figures["ticks"], 1500)
+            self.assert_replay_is_the_same(name)
+
+    def test_a_calibration_that_is_lost_ends_it(self):
+        status, _, error = self.faulty("lost.h5", '[[fault]]\nwhat = "lost-calibration"\nat_tick = 500\nticks = 100000\n',
+                                       duration="5")
+        self.assertEqual(status, 1, error)
+        self.assertIn("not calibrated", error)
+
+    def test_a_driver_that_never_stops_is_given_up_and_the_recording_is_whole(self):
+        for what, settings in (("stop", '[[fault]]\nwhat = "hanging-stop"\n'),
+                               ("tick", '[[fault]]\nwhat = "hanging-tick"\nat_tick = 700\nticks = 3600000\n')):
+            began = time.monotonic()
+            status, _, error = self.faulty(f"hangs-{what}.h5", settings, duration="1.5")
+            self.assertEqual(status, 1, error)
+            self.assertLess(time.monotonic() - began, 15)
+            self.assertIn("hangs" if what == "tick" else "does not come back", error)
+            self.assertGreater(self.rows(f"hangs-{what}.h5"), 300)
+
+    def test_what_ends_a_program_ends_it_in_order_and_a_crash_leaves_a_readable_file(self):
+        for number, status in ((signal.SIGQUIT, 0), (signal.SIGUSR1, 0), (signal.SIGALRM, 0),
+                               (signal.SIGABRT, -signal.SIGABRT), (signal.SIGSEGV, -signal.SIGSEGV)):
+            process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "ends.h5", "--force")
+            time.sleep(1.5)
+            process.send_signal(number)
+            _, error = process.communicate(timeout=20)
+            self.assertEqual(process.returncode, status, f"{number}: {error}")
+            self.assertGreater(self.rows("ends.h5"), 100, number)
+
+    def test_a_reader_of_the_output_that_leaves_takes_nothing_with_it(self):
+        process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "pipe.h5", "--prepared", "pipe.vdb",
+                             "--duration-s", "1.5")
+        time.sleep(0.5)
+        process.stderr.close()
+        process.stdout.close()
+        process.wait(timeout=20)
+        self.assertTrue(os.path.exists(self.path("pipe.vdb")))
+        self.assertGreater(self.rows("pipe.h5"), 500)
+
+    def test_output_that_is_not_read_or_closed_holds_nothing_up(self):
+        command = [BINARY, "live", "--tooth", "block.vdb", "--bur", BUR, "--duration-s", "1", "-o"]
+        subprocess.run(["sh", "-c", '"$@" 2>&-', "sh", *command, "closed.h5"], cwd=self.folder, timeout=30, check=True)
+        self.assertGreater(self.rows("closed.h5"), 300)  # and no text of stderr's in it
+
+    def test_ctrl_z_pauses_without_a_force_and_goes_on(self):
+        process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "pause.h5", "--duration-s", "4")
+        time.sleep(1.5)
+        process.send_signal(signal.SIGTSTP)
+        time.sleep(1)
+        with open(f"/proc/{process.pid}/stat") as stat:
+            self.assertEqual(stat.read().rsplit(")", 1)[1].split()[0], "T")
+        process.send_signal(signal.SIGCONT)
+        _, error = process.communicate(timeout=20)
+        self.assertIn("paused", error)
+        self.assertIn("goes on after", error)
+
+    def test_what_means_nothing_together_is_refused(self):
+        for args, words in ((("--pedal", "1", "--clutch", "1"), "same button"),
+                            (("--device", "openhaptics", "--hand", "hand.toml"), "simulated"),
+                            (("--mirror", "left"), "--mirror-hand"),
+                            (("--start-mm", "0,-2,0"), "into the tooth")):
+            status, _, error = self.session("refused.h5", "--duration-s", "1", *args)
+            self.assertEqual(status, 1, error)
+            self.assertIn(words, error)
+
     def test_ctrl_c_and_termination_end_it_in_order(self):
         for number in (signal.SIGINT, signal.SIGTERM):
             process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "signal.h5", "--force")

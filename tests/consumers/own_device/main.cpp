@@ -80,11 +80,12 @@ int main(int argc, char** argv) try {
   LiveSettings settings;
   settings.parameters = preset_parameters("paper");
   settings.registration.fixed_orientation = orientation_of_axis(Vec3::UnitY());
-  const Box box = bounds_of_solid(tooth);  // from 0.2 mm beside it, 1 mm under its top
-  settings.start = Vec3(box.min.x() - 0.6, box.max.y() - 1, 0);
+  // From 1.2 mm beside it, 1 mm under its top: the motor starts after half a second in the clear.
+  const Box box = bounds_of_solid(tooth);
+  settings.start = Vec3(box.min.x() - 1.6, box.max.y() - 1, 0);
   settings.limits.max_force = rail.limits().max_force;
   settings.limits.continuous_force = rail.limits().max_continuous_force;
-  settings.watch.duration = 0.6;
+  settings.watch.duration = 1.2;
 
   RecordTarget target;
   target.path = argv[2];

@@ -63,7 +63,7 @@ class Rail final : public HapticDevice {
       const double time = static_cast<double>(n) / kRate;
       DevicePose hand;
       hand.position.x() = speed_ * time;
-      hand.buttons = 1;
+      hand.buttons = n < 20 ? 0 : 1;  // released first, for a safe start
       sent_.push_back(servo_.begin_tick(time, hand, nullptr, DeviceFault::kNone));
       servo_.end_tick();
     }
@@ -101,11 +101,11 @@ TEST(DeviceFromOutside, ALiveSessionGrindsOnItAndEndsWithZeroForce) {
   Rail rail(5.0);
   const LiveEnd end = run_live(
       rail, loop, registration, start, parameters.time_step,
-      [&](const Pose& pose) -> Session& {
+      [&](const Pose& pose) -> Session* {
         HandleSample first;
         first.pose = pose;
         session = std::make_unique<Session>(bur, workpiece, parameters, Drive::kCoupled, first);
-        return *session;
+        return session.get();
       },
       watch);
 

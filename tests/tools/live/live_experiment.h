@@ -29,10 +29,10 @@ inline LayeredTooth enamel_block() {
   return make_block(o);
 }
 
-// From beside the block into its face and along, 2 mm deep, at `speed`; frame W = D.
+// From 1.2 mm beside the block into its face and along, 2 mm deep, at `speed`; frame W = D.
 inline std::vector<HandleSample> slot(double speed, double seconds) {
   std::vector<HandleSample> path;
-  const Pose start{Vec3(-4, -2, 0), orientation_of_axis(Vec3(0, 1, 0))};
+  const Pose start{Vec3(-4.8, -2, 0), orientation_of_axis(Vec3(0, 1, 0))};
   for (int n = 0; n <= static_cast<int>(seconds * 1000); ++n) {
     HandleSample s{1e-3 * n, start, kPedalButton};
     s.pose.position.x() += speed * s.time;

@@ -16,7 +16,7 @@ TEST(NoAllocation, LiveTicksThatGrindAllocateNothing) {
   LiveLoop loop(no_watch(), {1, 2}, &rows);
   device.start(loop);
   device.run(1);
-  const DevicePose first = *loop.first_pose();
+  const DevicePose first = *loop.waiting_pose();
   const HandleFrame frame(same_frame(), first.position, Vec3::Zero());
   const Bur bur = paper_cylinder();
   const LayeredTooth tooth = enamel_block();

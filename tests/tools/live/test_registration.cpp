@@ -40,11 +40,29 @@ TEST(HandleFrame, HeldHandleStaysAndGoesOnFromThere) {
   HandleFrame frame(turned(), Vec3::Zero(), Vec3::Zero());
   const Vec3 a(1, 0, 0), b(5, 6, 7);
   const Vec3 at = frame.to_world(a, Quat::Identity()).position;
-  frame.hold(a);
+  frame.hold(a, Quat::Identity());
   EXPECT_EQ(frame.to_world(b, Quat::Identity()).position, at);
-  frame.hold(b);  // still held since a
-  frame.release(b);
+  frame.hold(b, Quat::Identity());  // still held since a
+  frame.release(b, Quat::Identity());
   EXPECT_LT((frame.to_world(b, Quat::Identity()).position - at).norm(), 1e-12);
+}
+
+TEST(HandleFrame, TurningTheStylusWhileItIsHeldTurnsNothingThenNorLater) {
+  HandleFrame frame(turned(), Vec3::Zero(), Vec3::Zero());
+  const Quat a(Eigen::AngleAxisd(0.2, Vec3::UnitX())), b(Eigen::AngleAxisd(1.1, Vec3::UnitY()));
+  const Quat at = frame.to_world(Vec3::Zero(), a).orientation;
+  frame.hold(Vec3::Zero(), a);
+  EXPECT_EQ(frame.to_world(Vec3::Zero(), b).orientation.coeffs(), at.coeffs());
+  frame.release(Vec3::Zero(), b);
+  EXPECT_LT(frame.to_world(Vec3::Zero(), b).orientation.angularDistance(at), 1e-7);
+  // From there on by as much as the stylus turns.
+  const Quat more = b * Quat(Eigen::AngleAxisd(0.3, Vec3::UnitZ()));
+  EXPECT_NEAR(frame.to_world(Vec3::Zero(), more).orientation.angularDistance(at), 0.3, 1e-7);
+  // A second time, too.
+  const Quat then = frame.to_world(Vec3::Zero(), more).orientation;
+  frame.hold(Vec3::Zero(), more);
+  frame.release(Vec3::Zero(), a);
+  EXPECT_LT(frame.to_world(Vec3::Zero(), a).orientation.angularDistance(then), 1e-7);
 }
 
 TEST(HandleFrame, AFixedAxisIsKeptWhateverTheStylusDoes) {

@@ -455,6 +455,9 @@ bool Driver::is_enabled(HDenum capability) {
 HDenum Driver::check_calibration() {
   const Lock lock(mutex_);
   Device* const device = current_device("hdCheckCalibration without a current device");
+  for (const FaultSettings& fault : settings_.faults)
+    if (fault.kind == FaultKind::kLostCalibration && fault.device == current_ && lasts(fault))
+      return HD_CALIBRATION_NEEDS_MANUAL_INPUT;
   return device ? device->calibration : HD_CALIBRATION_NEEDS_MANUAL_INPUT;
 }
 
@@ -485,6 +488,9 @@ void Driver::start() {
 }
 
 void Driver::stop() {
+  for (const FaultSettings& fault : settings_.faults)
+    while (fault.kind == FaultKind::kHangingStop)
+      std::this_thread::sleep_for(std::chrono::hours(1));
   {
     const Lock lock(mutex_);
     if (in_callback)
@@ -570,19 +576,39 @@ void Driver::begin_tick() {
   for (const FaultSettings& fault : settings_.faults) {
     if (fault.at_tick != n || fault.device >= devices_.size() || !devices_[fault.device]) continue;
     Device& device = *devices_[fault.device];
-    if (fault.code == HD_SUCCESS) unplug(device);
+    if (fault.kind == FaultKind::kUnplugged) unplug(device);
+    if (fault.kind != FaultKind::kError) continue;
     device.asked = fault.code;
     device.asked_ticks = fault.ticks;
   }
-  for (const auto& device : devices_)
-    if (device) {
-      if (device->asked_ticks > 0) {
-        device->injected = device->asked;
-        device->injected_ticks = std::exchange(device->asked_ticks, 0);
-      }
-      device->had_frame = false;
-      device->latched = device->arm.read(time());
+  for (unsigned i = 0; i < devices_.size(); ++i) {
+    Device* const device = devices_[i].get();
+    if (device == nullptr) continue;
+    if (device->asked_ticks > 0) {
+      device->injected = device->asked;
+      device->injected_ticks = std::exchange(device->asked_ticks, 0);
     }
+    device->had_frame = false;
+    device->latched = device->arm.read(time());
+    disturb(i, *device);
+  }
+}
+
+bool Driver::lasts(const FaultSettings& fault) const {
+  const long n = clock_tick_ - first_tick_;
+  return running_ && n >= fault.at_tick && n < fault.at_tick + fault.ticks;
+}
+
+// What the device says of its pose.
+void Driver::disturb(unsigned index, Device& device) {
+  const DevicePose before = device.frozen;
+  device.frozen = device.latched;
+  for (const FaultSettings& fault : settings_.faults) {
+    if (fault.device != index || !lasts(fault)) continue;
+    if (fault.kind == FaultKind::kPoseJump) device.latched.position += fault.offset;
+    if (fault.kind == FaultKind::kNan) device.latched.position.setConstant(std::nan(""));
+    if (fault.kind == FaultKind::kFrozen) device.latched = device.frozen = before;
+  }
 }
 
 void Driver::finish_tick() {
@@ -618,6 +644,10 @@ void Driver::tick() {
     callbacks = scheduled_;
   }
   in_callback = true;
+  for (const FaultSettings& fault : settings_.faults)
+    if (fault.kind == FaultKind::kHangingTick && fault.at_tick == clock_tick_ - first_tick_)
+      std::this_thread::sleep_for(
+          std::chrono::duration<double>(static_cast<double>(fault.ticks) / settings_.phantom.rate));
   for (const Scheduled& s : callbacks) {
     if (s.handle == 0 || s.callback(s.data) != HD_CALLBACK_DONE) continue;
     const Lock lock(mutex_);

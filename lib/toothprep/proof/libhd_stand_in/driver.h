@@ -74,6 +74,7 @@ class Driver {
 
     SimulatedArm arm;
     DevicePose latched;             // at the tick's start
+    DevicePose frozen;              // what a frozen device goes on reading
     Vec3 set_force = Vec3::Zero();  // in this frame
     Vec3 commanded_force = Vec3::Zero(), motor_force = Vec3::Zero();
     bool in_frame = false, had_frame = false;  // in this tick
@@ -106,6 +107,8 @@ class Driver {
   bool any_open() const;
   void create(unsigned index);
   void begin_tick();
+  void disturb(unsigned index, Device& device);
+  bool lasts(const FaultSettings& fault) const;
   void finish_tick();
   void hold_for_a_tick();
   void release_motors();

@@ -21,7 +21,15 @@ const std::map<std::string, HDerror> kFaults = {
     {"device-fault", HD_DEVICE_FAULT},
     {"comm-error", HD_COMM_ERROR},
     {"timer-error", HD_TIMER_ERROR},
-    {"unplugged", HD_SUCCESS},
+};
+const std::map<std::string, FaultKind> kKinds = {
+    {"unplugged", FaultKind::kUnplugged},
+    {"pose-jump", FaultKind::kPoseJump},
+    {"nan", FaultKind::kNan},
+    {"frozen", FaultKind::kFrozen},
+    {"lost-calibration", FaultKind::kLostCalibration},
+    {"hanging-tick", FaultKind::kHangingTick},
+    {"hanging-stop", FaultKind::kHangingStop},
 };
 
 template <class Value>
@@ -74,7 +82,15 @@ void apply_disturbances(StrictTable table, Disturbances& d) {
 FaultSettings fault_of(StrictTable table) {
   FaultSettings fault;
   if (!table.has("what")) table.missing("what", "\"comm-error\"");
-  fault.code = take_choice<HDerror>(table, "what", kFaults, HD_SUCCESS);
+  std::vector<std::string> names;
+  for (const auto& [name, kind] : kKinds) names.push_back(name);
+  for (const auto& [name, code] : kFaults) names.push_back(name);
+  const std::string what = table.choice("what", names).value_or("");
+  if (const auto kind = kKinds.find(what); kind != kKinds.end())
+    fault.kind = kind->second;
+  else
+    fault.code = kFaults.at(what);
+  take(table.vector("offset_mm"), fault.offset);
   take(take_count(table, "at_tick", 0), fault.at_tick);
   take(take_count(table, "ticks", 1), fault.ticks);
   if (const auto device = take_count(table, "device", 0))

@@ -21,10 +21,23 @@ struct HandSettings {
   std::optional<std::uint32_t> buttons;  // over those of the path
 };
 
+enum class FaultKind {
+  kError,            // the driver reports `code`
+  kUnplugged,        //
+  kPoseJump,         // the position is read `offset` aside
+  kNan,              // the position is read as NaN
+  kFrozen,           // the pose is read as it was when this began
+  kLostCalibration,  // hdCheckCalibration says so
+  kHangingTick,      // a call in the servo's tick takes so many periods
+  kHangingStop       // hdStopScheduler never returns
+};
+
 struct FaultSettings {
   long at_tick = 0, ticks = 1;
-  hdapi::HDerror code = 0;  // 0: unplugged
+  FaultKind kind = FaultKind::kError;
+  hdapi::HDerror code = 0;
   unsigned device = 0;
+  Vec3 offset = Vec3(20, 0, 0);  // mm, D
 };
 
 struct Settings {

@@ -13,13 +13,15 @@ namespace toothprep {
 
 // What was done to a tick's force, bit by bit.
 enum LiveFlag : std::uint32_t {
-  kForceClamped = 1,      // above the force limit; direction kept
-  kForceRateLimited = 2,  // changed faster than allowed
-  kForceHeatLimited = 4,  // above the motors' continuous force, for too long
-  kForceNotFinite = 8,    // the step gave a force that is no number: zero was sent
-  kForceRamped = 16,      // the device's ramp scaled it
-  kForceWithheld = 32,    // not sent for another reason: a fault, stopping, a governor
-  kHandleHeld = 64,       // the clutch: the handle did not follow the hand
+  kForceClamped = 1,       // above the force limit; direction kept
+  kForceRateLimited = 2,   // changed faster than allowed
+  kForceHeatLimited = 4,   // above the motors' continuous force, for too long
+  kForceNotFinite = 8,     // the step gave a force that is no number: zero was sent
+  kForceRamped = 16,       // the device's ramp scaled it
+  kForceWithheld = 32,     // not sent for another reason: a fault, stopping, a governor
+  kHandleHeld = 64,        // the clutch: the handle did not follow the hand
+  kReadingRejected = 128,  // the reading can't be believed: zero force, no step
+  kMotorLocked = 256,      // the motor waits for a safe start: see LiveLoop
 };
 
 struct LiveTick {  // a tick of a live session, with the step that it made

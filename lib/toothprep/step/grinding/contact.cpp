@@ -588,21 +588,21 @@ bool ContactModel::covers(const Vec3& v) const noexcept {
   return speed == 0 || v.dot(sampled_direction_) >= kMarginCosine * speed;
 }
 
-double shank_contact_area(const SurfaceElements& shank, const Workpiece& workpiece,
-                          const Pose& pose) noexcept {
+double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,
+                      const Pose& pose) noexcept {
   const ContactModel::IndexFrame f(workpiece.lattice(), pose);
   const float* a = f.a;
   double area = 0;
-  for (std::size_t i = 0; i < shank.size(); ++i) {
+  for (std::size_t i = 0; i < elements.size(); ++i) {
     // The nearest voxel will do for a report.
-    const float x = f.fx + a[0] * shank.x[i] + a[1] * shank.y[i] + a[2] * shank.z[i];
-    const float y = f.fy + a[3] * shank.x[i] + a[4] * shank.y[i] + a[5] * shank.z[i];
-    const float z = f.fz + a[6] * shank.x[i] + a[7] * shank.y[i] + a[8] * shank.z[i];
+    const float x = f.fx + a[0] * elements.x[i] + a[1] * elements.y[i] + a[2] * elements.z[i];
+    const float y = f.fy + a[3] * elements.x[i] + a[4] * elements.y[i] + a[5] * elements.z[i];
+    const float z = f.fz + a[6] * elements.x[i] + a[7] * elements.y[i] + a[8] * elements.z[i];
     const Index3 v(f.base.x() + cell_of(x + 0.5f), f.base.y() + cell_of(y + 0.5f),
                    f.base.z() + cell_of(z + 0.5f));
     if (workpiece.tooth().solid.value(v.x(), v.y(), v.z()) < 0 &&
         workpiece.cut().value(v.x(), v.y(), v.z()) < 0)
-      area += shank.area[i];
+      area += elements.area[i];
   }
   return area;
 }

@@ -107,8 +107,8 @@ class ContactModel {
   Vec3 sampled_direction_ = Vec3::Zero();
 };
 
-// Area of the shank in contact with tissue, mm²: reported only.
-double shank_contact_area(const SurfaceElements& shank, const Workpiece& workpiece,
-                          const Pose& pose) noexcept;
+// Area of the elements (of a shank, or a head) whose middle lies in tissue, mm², by the nearest voxel.
+double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,
+                      const Pose& pose) noexcept;
 
 }  // namespace toothprep

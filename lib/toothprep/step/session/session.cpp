@@ -12,6 +12,7 @@ namespace toothprep {
 namespace {
 
 constexpr double kShankElementSize = 0.4;  // mm
+constexpr double kHeadElementSize = 0.2;   // mm
 
 }  // namespace
 
@@ -25,6 +26,7 @@ class Session::Work {
   StepRecord step_part(const HandleSample& handle, double h) noexcept;
   int parts_of_step() noexcept;
   void count(const StepRecord& row) noexcept;
+  bool clear_of_tissue() const noexcept;
   void finish(StepRecord& last) noexcept;
 
   Workpiece& workpiece_;
@@ -39,7 +41,8 @@ class Session::Work {
 Session::Work::Work(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
                     const HandleSample& first)
     : workpiece_(workpiece),
-      model_{parameters, drive, bur.shank_elements(kShankElementSize)},
+      model_{parameters, drive, bur.shank_elements(kShankElementSize),
+             bur.elements(kHeadElementSize)},
       most_parts_(most_parts(bur.elements(4 * element_size(bur, parameters)).size(),
                              parameters.time_step)) {
   if (!first.pose.position.allFinite() || !first.pose.orientation.coeffs().allFinite())
@@ -63,7 +66,7 @@ StepRecord Session::Work::step(const HandleSample& next) noexcept {
         step_part(handle_between(from, next, part, parts), model_.parameters.time_step / parts));
   StepRecord row = whole.row(start, model_.parameters.time_step);
   row.removed_volume = engine_->removed();
-  row.shank_contact_area = shank_contact_area(model_.shank, workpiece_, state_.pose);
+  row.shank_contact_area = area_in_tissue(model_.shank, workpiece_, state_.pose);
   count(row);
   return row;
 }
@@ -115,6 +118,10 @@ void Session::Work::count(const StepRecord& row) noexcept {
   totals_.peak_device_force = std::max(totals_.peak_device_force, row.device_force.norm());
 }
 
+bool Session::Work::clear_of_tissue() const noexcept {
+  return area_in_tissue(model_.head, workpiece_, state_.pose) == 0;
+}
+
 void Session::Work::finish(StepRecord& last) noexcept {
   engine_->finish(state_.pose);
   totals_.removed = engine_->removed();
@@ -130,6 +137,7 @@ Session::Session(Session&&) noexcept = default;
 const StepRecord& Session::initial() const noexcept { return work_->initial_; }
 StepRecord Session::step(const HandleSample& next) noexcept { return work_->step(next); }
 void Session::finish(StepRecord& last) noexcept { work_->finish(last); }
+bool Session::clear_of_tissue() const noexcept { return work_->clear_of_tissue(); }
 const SessionTotals& Session::totals() const noexcept { return work_->totals_; }
 
 }  // namespace toothprep

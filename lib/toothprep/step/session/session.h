@@ -51,6 +51,9 @@ class Session {  // for one thread at a time; several run side by side
   // Removes what is still due and brings the volumes of the last record up to date.
   void finish(StepRecord& last) noexcept;
 
+  // Whether no part of the head's surface lies in tissue, to a voxel.
+  [[nodiscard]] bool clear_of_tissue() const noexcept;
+
   [[nodiscard]] const SessionTotals& totals() const noexcept;  // so far
 
  private:

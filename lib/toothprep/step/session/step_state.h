@@ -15,6 +15,7 @@ struct StepModel {
   Parameters parameters;
   Drive drive = Drive::kCoupled;
   SurfaceElements shank;  // where contact is reported only
+  SurfaceElements head;   // coarse: whether the bur is clear of the tooth
 };
 
 // Between two steps. A copy of it is the whole state but for the tissue.

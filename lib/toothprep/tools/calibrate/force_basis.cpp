@@ -111,7 +111,7 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
       }
     }
     engine->advance(pose);
-    if (i % kShankEvery == 0 && shank_contact_area(shank, workpiece, pose) > 0)
+    if (i % kShankEvery == 0 && area_in_tissue(shank, workpiece, pose) > 0)
       basis.shank_contact += h * kShankEvery;
     if (progress && i % 1024 == 0)
       progress(static_cast<double>(i) / static_cast<double>(path.size()));

@@ -36,6 +36,8 @@ const char* describe(DeviceFault fault) noexcept {
       return "the device does not answer: stopped; check its cable and its power";
     case DeviceFault::kDevice:
       return "the device reports a fault: stopped; switch it off and on";
+    case DeviceFault::kHangs:
+      return "the driver does not come back from a call: it was given up; switch the device off";
     case DeviceFault::kUnplugged:
       return "the device is gone: stopped; plug it in and open it again";
   }

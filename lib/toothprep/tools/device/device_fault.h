@@ -22,7 +22,8 @@ enum class DeviceFault {  // what can go wrong; `Final` ones end the session
   kTimer,          // the servo's timer
   kCommunication,  // no answer from the device
   kDevice,         // the device reports a fault
-  kUnplugged       // the driver doesn't know the device any more
+  kUnplugged,      // the driver doesn't know the device any more
+  kHangs           // the driver doesn't come back from a call: it was given up
 };
 
 enum class FaultSeverity { kNone, kTransient, kFinal };  // of a fault

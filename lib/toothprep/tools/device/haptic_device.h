@@ -132,6 +132,10 @@ class HapticDevice {  // the interface that every back end implements
   // still has to call it.
   virtual void stop() noexcept = 0;
 
+  // Zero force from the next tick on, without waiting for it. From any thread, and from a signal
+  // handler. A device that can't do it does nothing.
+  virtual void zero_force_soon() noexcept {}
+
   [[nodiscard]] virtual DeviceStatus status() const noexcept = 0;  // from any thread
 };
 

@@ -4,7 +4,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
+#include <functional>
+#include <future>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -18,6 +22,8 @@ namespace {
 
 using namespace hdapi;
 
+constexpr unsigned kCalibrationEvery = 50;             // ticks
+constexpr auto kDriverTime = std::chrono::seconds(2);  // for stopping, and for closing
 constexpr int kMostErrors = 16;  // popped at once: a driver that never runs dry can't hold us
 
 // What is assumed when a device doesn't say: the weakest and smallest of the family, so that no
@@ -314,6 +320,7 @@ class OpenHapticsDevice final : public HapticDevice {
     return mirror_ ? &mirror_->identity() : nullptr;
   }
   const DeviceLimits& limits() const noexcept override { return limits_; }
+  void zero_force_soon() noexcept override { servo_->ask_to_close(); }
   DeviceStatus status() const noexcept override { return servo_->status(); }
 
   Calibration calibration() override {
@@ -334,6 +341,7 @@ class OpenHapticsDevice final : public HapticDevice {
     enable_force();
     servo_->open(client);
     first_tick_ = true;
+    ticks_ = 0;
     origin_ = monotonic_time();
     scheduled_ = driver_->hdScheduleAsynchronous(&OpenHapticsDevice::on_tick, this,
                                                  HD_MAX_SCHEDULER_PRIORITY);
@@ -355,6 +363,8 @@ class OpenHapticsDevice final : public HapticDevice {
                   "; close other programs that use the device");
     }
   }
+
+  bool in_tick_on_this_thread() const noexcept { return servo_->in_tick_on_this_thread(); }
 
   void stop() noexcept override {
     if (!started_) return;
@@ -441,8 +451,9 @@ class OpenHapticsDevice final : public HapticDevice {
       driver_->hdEndFrame(mirror_->handle());
     }
     fault = worse_of(fault, begin_frame(hand_));
-    // Some devices know only once they talk to the driver.
-    if (first_tick_ && driver_->hdCheckCalibration() == HD_CALIBRATION_NEEDS_MANUAL_INPUT)
+    // Some devices know only once they talk to the driver, and one may lose it on the way.
+    if (ticks_++ % kCalibrationEvery == 0 &&
+        driver_->hdCheckCalibration() == HD_CALIBRATION_NEEDS_MANUAL_INPUT)
       fault = worse_of(fault, DeviceFault::kNotCalibrated);
     first_tick_ = false;
     const DevicePose hand = hand_.read();
@@ -483,12 +494,72 @@ class OpenHapticsDevice final : public HapticDevice {
   HDSchedulerHandle scheduled_ = 0;
   double origin_ = 0;
   bool started_ = false, first_tick_ = true;
+  unsigned ticks_ = 0;
+};
+
+std::atomic<bool> given_up = false;
+
+// Runs what calls the driver on a thread of its own. False if it hasn't come back in time; it may
+// still do so.
+bool in_time(const std::function<void()>& work) noexcept {
+  try {
+    std::packaged_task<void()> task(work);
+    const std::future<void> done = task.get_future();
+    std::thread(std::move(task)).detach();
+    return done.wait_for(kDriverTime) == std::future_status::ready;
+  } catch (const std::exception&) {  // no thread to be had
+    work();
+    return true;
+  }
+}
+
+// A driver that hangs must not hang the program: what stops and closes the device is waited for
+// only so long. After that the driver is left alone, with its memory.
+class BoundedDevice final : public HapticDevice {
+ public:
+  explicit BoundedDevice(const OpenHapticsSettings& settings)
+      : device_(new OpenHapticsDevice(settings)) {}
+  ~BoundedDevice() override {
+    BoundedDevice::stop();
+    if (!hangs_ && !in_time([device = device_] { delete device; })) given_up = true;
+  }
+
+  const DeviceIdentity& identity() const noexcept override { return device_->identity(); }
+  const DeviceIdentity* mirror_identity() const noexcept override {
+    return device_->mirror_identity();
+  }
+  const DeviceLimits& limits() const noexcept override { return device_->limits(); }
+  Calibration calibration() override { return device_->calibration(); }
+  void start(ServoClient& client) override { device_->start(client); }
+
+  void stop() noexcept override {
+    if (hangs_) return;
+    if (device_->in_tick_on_this_thread()) return device_->stop();
+    hangs_ = !in_time([device = device_] { device->stop(); });
+    if (hangs_) given_up = true;
+  }
+
+  void zero_force_soon() noexcept override { device_->zero_force_soon(); }
+
+  DeviceStatus status() const noexcept override {
+    DeviceStatus status = device_->status();
+    if (!hangs_) return status;
+    status.state = ServoState::kFaulted;
+    status.last_fault = DeviceFault::kHangs;
+    return status;
+  }
+
+ private:
+  OpenHapticsDevice* device_;  // deleted in time, or left to the driver
+  bool hangs_ = false;
 };
 
 }  // namespace
 
 std::unique_ptr<HapticDevice> open_openhaptics(const OpenHapticsSettings& settings) {
-  return std::make_unique<OpenHapticsDevice>(settings);
+  return std::make_unique<BoundedDevice>(settings);
 }
+
+bool driver_was_given_up() noexcept { return given_up; }
 
 }  // namespace toothprep

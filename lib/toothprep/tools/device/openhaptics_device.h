@@ -25,4 +25,8 @@ struct OpenHapticsSettings {               // which device, and how it is run
 // for a device that the driver doesn't open, with the driver's reason.
 std::unique_ptr<HapticDevice> open_openhaptics(const OpenHapticsSettings& settings = {});
 
+// Whether a driver that didn't come back from stopping or closing was left alone. The program
+// should end without calling what libraries do at exit (std::_Exit): that may hang as well.
+bool driver_was_given_up() noexcept;
+
 }  // namespace toothprep

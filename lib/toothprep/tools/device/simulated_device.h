@@ -40,6 +40,7 @@ class SimulatedDevice final : public HapticDevice {  // haptic_device.h
   Calibration calibration() override { return Calibration::kOk; }
   void start(ServoClient& client) override;
   void stop() noexcept override;
+  void zero_force_soon() noexcept override { servo_.ask_to_close(); }
   DeviceStatus status() const noexcept override { return servo_.status(); }
 
   // Without real time, between start() and stop(): this many ticks (of the clock: those that the

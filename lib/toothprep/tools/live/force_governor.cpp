@@ -26,6 +26,7 @@ void validate(const ForceLimits& limits) {
   positive(limits.continuous_force, "continuous_force");
   positive(limits.thermal_time, "thermal_time");
   positive(limits.vibration_limit, "vibration_limit");
+  positive(limits.fade, "fade");
   if (!(limits.ramp >= 0 && limits.vibration_time >= 0))
     throw Error("force limits: ramp and vibration_time must be 0 or more");
 }
@@ -63,7 +64,9 @@ Vec3 ForceGovernor::limit(const Vec3& force, std::uint32_t& flags) noexcept {
     flags |= kForceNotFinite;
     out.setZero();
   }
-  scale_ = limits_.ramp > 0 ? std::min(1.0, scale_ + limits_.period / limits_.ramp) : 1.0;
+  const double change_of_scale = fades_ ? -limits_.period / limits_.fade
+                                        : (limits_.ramp > 0 ? limits_.period / limits_.ramp : 1.0);
+  scale_ = std::clamp(scale_ + change_of_scale, 0.0, 1.0);
   if (scale_ < 1) {
     out *= scale_;
     flags |= kForceRamped;

@@ -3,7 +3,8 @@
 //   finite?  -> ramp-in -> magnitude limit -> heat limit -> rate limit -> device
 //                                                        -> vibration watch
 //
-//   F' = s F                           s grows from 0 to 1 over `ramp` from the start
+//   F' = s F                           s grows from 0 to 1 over `ramp` from the start, and falls
+//                                      to 0 over `fade` where the force is not wanted
 //   |F| <= F_hot                       while the heat is above the continuous limit
 //   |F| <= F_max                       direction kept
 //   |F(n) - F(n-1)| <= R T             along the straight way to the new force
@@ -38,7 +39,8 @@ struct ForceLimits {               // see the table above
   double max_force_rate = 3000;    // R, N/s
   double continuous_force = 0.88;  // F_cont, N
   double thermal_time = 10;        // tau, s
-  double ramp = 0.25;              // s
+  double ramp = 0.25;              // s, in
+  double fade = 0.05;              // s, out: at the end, while the clutch is held
   double vibration_limit = 1.0;    // N rms above 20 Hz; infinity: no watch
   double vibration_time = 0.05;    // s
 };
@@ -56,6 +58,10 @@ class ForceGovernor {  // of one device's force
   // Starts the ramp anew, from zero force (after a fault; heat stays).
   void restart() noexcept;
 
+  // Ramps the force out within `fade`, and in again when it isn't wanted any more.
+  void fade_out(bool wanted) noexcept { fades_ = wanted; }
+  bool faded() const noexcept { return fades_ && scale_ == 0; }
+
   bool vibrates() const noexcept { return vibrates_; }  // and from then on all forces are zero
   [[nodiscard]] double vibration_rms() const noexcept;  // N
   [[nodiscard]] double heat() const noexcept;           // of the continuous limit: 1 is full
@@ -66,6 +72,7 @@ class ForceGovernor {  // of one device's force
   ForceLimits limits_;
   double high_pass_, window_;  // per tick
   double scale_ = 0;
+  bool fades_ = false;
   Vec3 last_ = Vec3::Zero();
   double heat_ = 0;  // N²
   Vec3 low_ = Vec3::Zero();

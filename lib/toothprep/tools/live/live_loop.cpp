@@ -4,12 +4,17 @@
 
 namespace toothprep {
 
-LiveLoop::LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink)
-    : buttons_(buttons), sink_(sink), governor_(limits) {}
+LiveLoop::LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink,
+                   const ReadingLimits& readings)
+    : buttons_(buttons), sink_(sink), governor_(limits), check_(readings) {}
 
-std::optional<DevicePose> LiveLoop::first_pose() const noexcept {
-  if (!has_first_.load(std::memory_order_acquire)) return {};
-  return first_;
+std::optional<DevicePose> LiveLoop::waiting_pose() const noexcept {
+  if (!has_pose_.load(std::memory_order_acquire)) return {};
+  const auto at = [this](std::size_t i) { return pose_[i].load(std::memory_order_relaxed); };
+  DevicePose pose;
+  pose.position = Vec3(at(0), at(1), at(2));
+  pose.orientation = Quat(at(6), at(3), at(4), at(5)).normalized();  // may be of two ticks
+  return pose;
 }
 
 void LiveLoop::begin(Session& session, const HandleFrame& frame, const Registration& registration,
@@ -25,11 +30,9 @@ void LiveLoop::begin(Session& session, const HandleFrame& frame, const Registrat
 Vec3 LiveLoop::tick(const DeviceReading& reading) {
   const double from = thread_seconds();
   const Phase phase = phase_.load(std::memory_order_acquire);
+  const ReadingFault fault = check_.judge(reading);
   if (phase == Phase::kWaiting) {
-    if (!has_first_.load(std::memory_order_relaxed) && reading.fault == DeviceFault::kNone) {
-      first_ = reading.hand;
-      has_first_.store(true, std::memory_order_release);
-    }
+    wait(reading, fault);
     return Vec3::Zero();
   }
 
@@ -37,38 +40,74 @@ Vec3 LiveLoop::tick(const DeviceReading& reading) {
   note_reading(reading, out);
 
   if (phase == Phase::kBeginning) {
+    if (fault != ReadingFault::kNone) return Vec3::Zero();
     if (start_) frame_.emplace(registration_, reading.hand.position, *start_);
     out.row = session_->initial();
     phase_.store(Phase::kRunning, std::memory_order_relaxed);
   } else {
-    step(reading, out);
+    step(reading, fault, out);
   }
   out.step_seconds = thread_seconds() - from;
   hand_on(out);
   status_.write(out, steps_, governor_);
+  status_.write(fault, check_.lost());
   return out.commanded_force;
 }
 
-void LiveLoop::step(const DeviceReading& reading, LiveTick& out) noexcept {
+void LiveLoop::wait(const DeviceReading& reading, ReadingFault fault) noexcept {
+  status_.write(fault, check_.lost());
+  if (fault != ReadingFault::kNone || reading.fault != DeviceFault::kNone) return;
   const DevicePose& hand = reading.hand;
-  if ((hand.buttons & buttons_.clutch) != 0) {
-    frame_->hold(hand.position);
-    out.flags |= kHandleHeld;
-  } else {
-    frame_->release(hand.position);
+  for (std::size_t i = 0; i < 3; ++i)
+    pose_[i].store(hand.position[static_cast<Eigen::Index>(i)], std::memory_order_relaxed);
+  for (std::size_t i = 0; i < 4; ++i)
+    pose_[3 + i].store(hand.orientation.coeffs()[static_cast<Eigen::Index>(i)],
+                       std::memory_order_relaxed);
+  has_pose_.store(true, std::memory_order_release);
+}
+
+// What the session gets of the buttons.
+std::uint32_t LiveLoop::motor_buttons(std::uint32_t pressed, LiveTick& out) noexcept {
+  const bool wanted = buttons_.pedal == 0 || (pressed & buttons_.pedal) != 0;
+  if (!unlocked_) {
+    if (buttons_.pedal != 0) {
+      unlocked_ = !wanted;
+    } else {
+      clear_ = session_->clear_of_tissue() ? clear_ + time_step_ : 0;
+      unlocked_ = clear_ >= kClearBefore;
+    }
+    if (!unlocked_ && wanted) out.flags |= kMotorLocked;
   }
+  return wanted && unlocked_ ? kPedalButton : 0;
+}
+
+void LiveLoop::step(const DeviceReading& reading, ReadingFault fault, LiveTick& out) noexcept {
+  const DevicePose& hand = reading.hand;
+  const bool rejected = fault != ReadingFault::kNone;
+  const bool held = (hand.buttons & buttons_.clutch) != 0;
   HandleSample next;
   next.time = static_cast<double>(++steps_) * time_step_;
+  next.rejected = rejected;
+  if (rejected) {
+    out.flags |= kReadingRejected | kForceWithheld;
+  } else if (held) {
+    frame_->hold(hand.position, hand.orientation);
+    out.flags |= kHandleHeld;
+  } else {
+    frame_->release(hand.position, hand.orientation);
+  }
   next.pose = frame_->to_world(hand.position, hand.orientation);
-  next.buttons = buttons_.pedal == 0 || (hand.buttons & buttons_.pedal) != 0 ? kPedalButton : 0;
+  next.buttons = motor_buttons(hand.buttons, out);
   out.row = session_->step(next);
 
   Vec3 force = frame_->force_to_device(out.row.device_force);
+  if (rejected || check_.resumed()) governor_.restart();
   if (reading.fault != DeviceFault::kNone) {
     governor_.restart();
     force.setZero();
     out.flags |= kForceWithheld;
   }
+  governor_.fade_out(held || fade_wanted_.load(std::memory_order_relaxed));
   out.commanded_force = governor_.limit(force, out.flags);
 }
 

@@ -7,8 +7,13 @@
 //
 // It starts in waiting: zero force, poses only, until begin() hands it a session that starts where
 // the hand is. The tick allocates nothing, locks nothing and prints nothing.
+//
+// A reading that can't be true (reading_check.h) makes no step and no force. The motor starts only
+// after the pedal was released once, so that a foot that rests on it doesn't start the bur; without
+// a pedal, after the bur was clear of the tooth for kClearBefore.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <optional>
@@ -17,6 +22,7 @@
 #include "toothprep/step/session/session.h"
 #include "toothprep/tools/device/haptic_device.h"
 #include "toothprep/tools/live/force_governor.h"
+#include "toothprep/tools/live/reading_check.h"
 #include "toothprep/tools/live/registration.h"
 #include "toothprep/tools/live/status_board.h"
 
@@ -35,13 +41,16 @@ struct LiveButtons {
   std::uint32_t clutch = 0;  // while held the handle stays where it is
 };
 
+constexpr double kClearBefore = 0.5;  // s, of the bur before its motor starts without a pedal
+
 class LiveLoop final : public ServoClient {  // what the device calls in a session
  public:
-  // `sink` may be nullptr. Throws Error as ForceGovernor does.
-  LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink);
+  // `sink` may be nullptr. Throws Error as ForceGovernor and ReadingCheck do.
+  LiveLoop(const ForceLimits& limits, const LiveButtons& buttons, TickSink* sink,
+           const ReadingLimits& readings = {});
 
-  // The device's first pose; empty until then.
-  [[nodiscard]] std::optional<DevicePose> first_pose() const noexcept;
+  // The device's latest good pose while it waits, without its buttons; empty until there is one.
+  [[nodiscard]] std::optional<DevicePose> waiting_pose() const noexcept;
 
   // From the next tick on it steps `session`, which must live until the device has stopped. With
   // `start` (mm, W), the frame is laid so that the hand, wherever it is by then, starts there.
@@ -49,6 +58,9 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
              const std::optional<Vec3>& start, double time_step) noexcept;
 
   Vec3 tick(const DeviceReading& reading) override;
+
+  // Ramps the force out (or in again), from any thread; status().faded says when it is zero.
+  void fade_out(bool wanted) noexcept { fade_wanted_.store(wanted, std::memory_order_relaxed); }
 
   // After the device has stopped: removes what is still due and hands on the last tick.
   void finish() noexcept;
@@ -58,15 +70,19 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
  private:
   enum class Phase { kWaiting, kBeginning, kRunning };
 
-  void step(const DeviceReading& reading, LiveTick& out) noexcept;
+  void wait(const DeviceReading& reading, ReadingFault fault) noexcept;
+  void step(const DeviceReading& reading, ReadingFault fault, LiveTick& out) noexcept;
+  std::uint32_t motor_buttons(std::uint32_t pressed, LiveTick& out) noexcept;
   void hand_on(const LiveTick& tick) noexcept;
 
   LiveButtons buttons_;
   TickSink* sink_;
   ForceGovernor governor_;
+  ReadingCheck check_;
   std::atomic<Phase> phase_ = Phase::kWaiting;
-  std::atomic<bool> has_first_ = false;
-  DevicePose first_;
+  std::atomic<bool> fade_wanted_ = false;
+  std::atomic<bool> has_pose_ = false;
+  std::array<std::atomic<double>, 7> pose_{};  // while it waits: x, y, z, qx, qy, qz, qw
 
   // Set by begin(), then the servo thread's own.
   Session* session_ = nullptr;
@@ -75,7 +91,9 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
   std::optional<Vec3> start_;
   double time_step_ = 0;
   std::int64_t steps_ = 0;
-  LiveTick last_;  // handed on a tick later, since the session's end completes it
+  bool unlocked_ = false;  // the motor, by the pedal or by a clear bur
+  double clear_ = 0;       // s that the bur has been clear of the tooth
+  LiveTick last_;          // handed on a tick later, since the session's end completes it
   bool any_ = false;
 
   StatusBoard status_;

@@ -2,6 +2,7 @@
 
 #include <pthread.h>
 #include <sched.h>
+#include <signal.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 
@@ -12,6 +13,7 @@
 #include <thread>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/live/last_resort.h"
 #include "toothprep/tools/live/probe_loop.h"
 
 namespace toothprep {
@@ -20,6 +22,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 constexpr auto kLook = std::chrono::milliseconds(5);
 constexpr double kReportEvery = 0.25;  // s
+constexpr double kLongestFade = 0.2;   // s
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -77,6 +80,22 @@ struct Stop {
   ~Stop() { device.stop(); }
 };
 
+// Returns once the force is zero, or can't become it.
+void ramp_out(LiveLoop& loop) {
+  loop.fade_out(true);
+  const auto from = Clock::now();
+  while (!loop.status().faded && seconds_since(from) < kLongestFade)
+    std::this_thread::sleep_for(kLook / 5);
+}
+
+void stop_device(HapticDevice& device, LiveEnd& end) {
+  device.stop();
+  end.device = device.status();
+  if (end.fault || end.device.state != ServoState::kFaulted) return;
+  end.fault = true;
+  end.reason = describe(end.device.last_fault);
+}
+
 class Watcher {
  public:
   Watcher(HapticDevice& device, const LiveWatch& watch) : device_(device), watch_(watch) {}
@@ -100,9 +119,42 @@ class Watcher {
     return true;
   }
 
+  void note(const std::string& line) const {
+    if (watch_.note) watch_.note(line);
+  }
+
+  // A line when something begins.
+  void note_onsets(const LiveStatus& now) {
+    if (now.reading != reading_ && now.reading != ReadingFault::kNone)
+      note(std::string(describe(now.reading)) + ": zero force and no cutting until it is right");
+    else if (now.reading != reading_)
+      note("the readings are good again: the force is ramped in");
+    reading_ = now.reading;
+    const DeviceStatus device = device_.status();
+    if (device.faults > faults_ && severity_of(device.last_fault) == FaultSeverity::kTransient)
+      note(describe(device.last_fault));
+    faults_ = device.faults;
+    if (now.locked && !locked_)
+      note(
+          "the motor waits for a safe start: release the pedal, or keep the bur clear of the "
+          "tooth for half a second");
+    locked_ = now.locked;
+  }
+
+  // Stops the program as the terminal asks it to, without a force on the hand.
+  void pause(LiveLoop* loop) const {
+    if (loop) ramp_out(*loop);
+    note("paused: no force until the program goes on");
+    const auto from = Clock::now();
+    raise(SIGSTOP);
+    note("goes on after " + std::to_string(static_cast<int>(seconds_since(from))) +
+         " s: the force is ramped in");
+    if (loop) loop->fade_out(false);
+  }
+
   // Until something ends it.
   void watch_over(const RealTimeClient& client, const std::function<LiveStatus()>& status,
-                  LiveEnd& end) const {
+                  LiveLoop* loop, LiveEnd& end) {
     const auto began = Clock::now();
     double reported = -kReportEvery;
     bool scheduling_told = !watch_.real_time || !watch_.report_scheduling;
@@ -113,7 +165,15 @@ class Watcher {
         watch_.report_scheduling(client.scheduling());
       }
       if (device_failed(end) || asked(end)) return;
-      if (status().vibrates) {
+      if (watch_.pause_asked && watch_.pause_asked()) pause(loop);
+      const LiveStatus live = status();
+      note_onsets(live);
+      if (live.hand_lost) {
+        end.reason = describe(live.reading);
+        end.fault = true;
+        return;
+      }
+      if (live.vibrates) {
         end.reason =
             "the loop of hand and force vibrates: it is unstable, and the force was switched off";
         end.fault = true;
@@ -125,7 +185,7 @@ class Watcher {
       }
       if (watch_.report && now - reported >= kReportEvery) {
         reported = now;
-        watch_.report(status(), end.device);
+        watch_.report(live, end.device);
       }
       std::this_thread::sleep_for(kLook);
     }
@@ -134,49 +194,62 @@ class Watcher {
  private:
   HapticDevice& device_;
   const LiveWatch& watch_;
+  ReadingFault reading_ = ReadingFault::kNone;
+  std::int64_t faults_ = 0;
+  bool locked_ = false;
 };
 
 }  // namespace
 
 LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& registration,
                  const std::optional<Vec3>& start, double time_step,
-                 const std::function<Session&(const Pose&)>& make_session, const LiveWatch& watch) {
-  const Watcher watcher(device, watch);
+                 const std::function<Session*(const Pose&)>& make_session, const LiveWatch& watch) {
+  Watcher watcher(device, watch);
   LiveEnd end;
   RealTimeClient client(loop, watch.real_time);
   const Stop stop{device};
+  const LastResort last_resort(device);
   if (watch.real_time && watch.report_scheduling) watch.report_scheduling(locked_memory());
   device.start(client);
   const auto started = Clock::now();
-  while (!loop.first_pose()) {
+  Session* session = nullptr;
+  std::optional<HandleFrame> frame;
+  while (session == nullptr) {
     if (watcher.device_failed(end) || watcher.asked(end)) return end;
-    if (seconds_since(started) > watch.first_pose_wait)
+    watcher.note_onsets(loop.status());
+    if (const auto hand = loop.waiting_pose()) {
+      frame.emplace(registration, hand->position, start.value_or(Vec3::Zero()));
+      session = make_session(frame->to_world(hand->position, hand->orientation));
+      if (session != nullptr) break;
+    } else if (seconds_since(started) > watch.first_pose_wait) {
       throw Error("the device runs but gives no position");
+    }
+    if (watch.duration > 0 && seconds_since(started) > watch.duration) {
+      end.reason = "duration";
+      return end;
+    }
     std::this_thread::sleep_for(kLook);
   }
-  const DevicePose first = *loop.first_pose();
-  const HandleFrame frame(registration, first.position, start.value_or(Vec3::Zero()));
-  Session& session = make_session(frame.to_world(first.position, first.orientation));
-  loop.begin(session, frame, registration, start, time_step);
+  loop.begin(*session, *frame, registration, start, time_step);
   watcher.watch_over(
-      client, [&] { return loop.status(); }, end);
-  device.stop();
-  end.device = device.status();
+      client, [&] { return loop.status(); }, &loop, end);
+  if (!end.fault) ramp_out(loop);
+  stop_device(device, end);
   loop.finish();
   return end;
 }
 
 LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch) {
-  const Watcher watcher(device, watch);
+  Watcher watcher(device, watch);
   LiveEnd end;
   RealTimeClient client(loop, watch.real_time);
   const Stop stop{device};
+  const LastResort last_resort(device);
   if (watch.real_time && watch.report_scheduling) watch.report_scheduling(locked_memory());
   device.start(client);
   watcher.watch_over(
-      client, [&] { return loop.status(); }, end);
-  device.stop();
-  end.device = device.status();
+      client, [&] { return loop.status(); }, nullptr, end);
+  stop_device(device, end);
   return end;
 }
 

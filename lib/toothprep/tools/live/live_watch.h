@@ -20,7 +20,12 @@ struct LiveWatch {             // of the main thread while the servo runs
   bool real_time = false;
   std::function<void(const std::string&)> report_scheduling;  // a sentence
   std::function<bool()> stop_asked;  // looked at every few ms: a signal, a key
+  // The same for a pause of the whole program (Ctrl-Z): the force is ramped out, then the program
+  // stops itself (SIGSTOP); the force is ramped in once it goes on. May be empty.
+  std::function<bool()> pause_asked;
   std::function<void(const LiveStatus&, const DeviceStatus&)> report;  // a few times a second
+  // A line as soon as something happens; may be empty.
+  std::function<void(const std::string&)> note;
 };
 
 struct LiveEnd {        // how it ended
@@ -29,12 +34,13 @@ struct LiveEnd {        // how it ended
   DeviceStatus device;  // as it was when it ended
 };
 
-// `make_session` gets the pose of the handle in W and gives the session that starts there. `start`:
-// see LiveLoop::begin(). Throws Error if the device doesn't start or gives no pose.
+// `make_session` gets the pose of the handle in W and gives the session that starts there, or
+// nullptr as long as none can start there. `start`: see LiveLoop::begin(). At its end the force is
+// ramped out. Throws Error if the device doesn't start or gives no pose.
 [[nodiscard]] LiveEnd run_live(HapticDevice& device, LiveLoop& loop,
                                const Registration& registration, const std::optional<Vec3>& start,
                                double time_step,
-                               const std::function<Session&(const Pose&)>& make_session,
+                               const std::function<Session*(const Pose&)>& make_session,
                                const LiveWatch& watch);
 
 }  // namespace toothprep

@@ -49,11 +49,16 @@ HandleFrame::HandleFrame(const Registration& registration, const Vec3& device_st
       translation_(registration.translation ? *registration.translation
                                             : Vec3(at_start - rotation_ * device_start)) {}
 
+Quat HandleFrame::turned(const Quat& device_orientation) const noexcept {
+  if (fixed_) return *fixed_;
+  const Quat q = rotation_ * device_orientation * stylus_to_bur_;
+  // Before the clutch was used: the very bits.
+  return (since_held_.w() == 1 ? q : since_held_ * q).normalized();
+}
+
 Pose HandleFrame::to_world(const Vec3& position, const Quat& orientation) const noexcept {
-  Pose pose;
-  pose.position = held_ ? held_at_ : Vec3(rotation_ * position + translation_);
-  pose.orientation = fixed_ ? *fixed_ : (rotation_ * orientation * stylus_to_bur_).normalized();
-  return pose;
+  if (held_) return held_at_;
+  return {rotation_ * position + translation_, turned(orientation)};
 }
 
 Vec3 HandleFrame::force_to_device(const Vec3& force) const noexcept {
@@ -64,16 +69,19 @@ Vec3 HandleFrame::to_device(const Vec3& world) const noexcept {
   return rotation_.conjugate() * (world - translation_);
 }
 
-void HandleFrame::hold(const Vec3& device_position) noexcept {
+void HandleFrame::hold(const Vec3& device_position, const Quat& device_orientation) noexcept {
   if (held_) return;
-  held_at_ = rotation_ * device_position + translation_;
+  held_at_ = to_world(device_position, device_orientation);
   held_ = true;
 }
 
-void HandleFrame::release(const Vec3& device_position) noexcept {
+void HandleFrame::release(const Vec3& device_position, const Quat& device_orientation) noexcept {
   if (!held_) return;
-  translation_ = held_at_ - rotation_ * device_position;
   held_ = false;
+  translation_ = held_at_.position - rotation_ * device_position;
+  if (!fixed_)
+    since_held_ =
+        (held_at_.orientation * turned(device_orientation).conjugate() * since_held_).normalized();
 }
 
 }  // namespace toothprep

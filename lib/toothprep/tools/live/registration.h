@@ -2,7 +2,8 @@
 // lets the hand move without the handle.
 //
 //   x_W = R x_D + t          position of the bur's tip, mm
-//   q_W = R q_D S            orientation; S: how the bur sits in the stylus
+//   q_W = C R q_D S          orientation; S: how the bur sits in the stylus; C: what the stylus was
+//                            turned while the clutch was held, the identity before
 //
 // R, t and S come from a registration file: data/rig/FORMATS.md.
 #pragma once
@@ -37,18 +38,22 @@ class HandleFrame {
   [[nodiscard]] Vec3 force_to_device(const Vec3& force) const noexcept;  // W to D
   [[nodiscard]] Vec3 to_device(const Vec3& world) const noexcept;        // mm
 
-  // While held, the handle stays where it is; on release it goes on from there.
-  void hold(const Vec3& device_position) noexcept;
-  void release(const Vec3& device_position) noexcept;
+  // While held, the handle stays where it is, and as it is turned; on release it goes on from
+  // there: its later motions and turns are the hand's.
+  void hold(const Vec3& device_position, const Quat& device_orientation) noexcept;
+  void release(const Vec3& device_position, const Quat& device_orientation) noexcept;
 
   Pose device_to_world() const noexcept { return {translation_, rotation_}; }  // x_W = t + R x_D
 
  private:
+  Quat turned(const Quat& device_orientation) const noexcept;
+
   Quat rotation_, stylus_to_bur_;
+  Quat since_held_ = Quat::Identity();  // W: of the handle against the stylus, by the clutch
   std::optional<Quat> fixed_;
   Vec3 translation_;
   bool held_ = false;
-  Vec3 held_at_ = Vec3::Zero();  // W
+  Pose held_at_;  // W
 };
 
 }  // namespace toothprep

@@ -8,6 +8,7 @@
 
 #include "toothprep/step/core/live_tick.h"
 #include "toothprep/tools/live/force_governor.h"
+#include "toothprep/tools/live/reading_check.h"
 
 namespace toothprep {
 
@@ -22,6 +23,11 @@ struct LiveStatus {
   double heat = 0;                        // of the motors, 1: the continuous limit
   bool vibrates = false;                  // the governor has switched the force off
   double longest_step = 0;                // s of CPU time
+  bool faded = false;                     // the force was ramped out, as it was asked for
+  bool locked = false;                    // the motor waits for a safe start
+  Vec3 handle = Vec3::Zero();             // mm, W
+  ReadingFault reading = ReadingFault::kNone;
+  bool hand_lost = false;  // readings were rejected for so long that the session has to end
 };
 
 class StatusBoard {  // written by the servo's thread, read by any
@@ -39,6 +45,15 @@ class StatusBoard {  // written by the servo's thread, read by any
     running_.store((tick.row.handle.buttons & kPedalButton) != 0, kRelaxed);
     vibrates_.store(governor.vibrates(), kRelaxed);
     longest_.store(std::max(longest_.load(kRelaxed), tick.step_seconds), kRelaxed);
+    faded_.store(governor.faded(), kRelaxed);
+    locked_.store((tick.flags & kMotorLocked) != 0, kRelaxed);
+    for (std::size_t i = 0; i < 3; ++i)
+      handle_[i].store(tick.row.handle.pose.position[static_cast<Eigen::Index>(i)], kRelaxed);
+  }
+
+  void write(ReadingFault reading, bool lost) noexcept {
+    reading_.store(reading, kRelaxed);
+    lost_.store(lost, kRelaxed);
   }
 
   [[nodiscard]] LiveStatus read() const noexcept {  // from any thread
@@ -53,6 +68,12 @@ class StatusBoard {  // written by the servo's thread, read by any
     s.running = running_.load(kRelaxed);
     s.vibrates = vibrates_.load(kRelaxed);
     s.longest_step = longest_.load(kRelaxed);
+    s.faded = faded_.load(kRelaxed);
+    s.locked = locked_.load(kRelaxed);
+    for (std::size_t i = 0; i < 3; ++i)
+      s.handle[static_cast<Eigen::Index>(i)] = handle_[i].load(kRelaxed);
+    s.reading = reading_.load(kRelaxed);
+    s.hand_lost = lost_.load(kRelaxed);
     return s;
   }
 
@@ -62,6 +83,9 @@ class StatusBoard {  // written by the servo's thread, read by any
   std::atomic<double> force_ = 0, lag_ = 0, torque_ = 0, heat_ = 0, longest_ = 0;
   std::array<std::atomic<double>, kTissueCount> removed_{};
   std::atomic<bool> stalled_ = false, running_ = false, vibrates_ = false;
+  std::atomic<bool> faded_ = false, locked_ = false, lost_ = false;
+  std::array<std::atomic<double>, 3> handle_{};
+  std::atomic<ReadingFault> reading_ = ReadingFault::kNone;
 };
 
 }  // namespace toothprep

@@ -38,10 +38,16 @@ class Microseconds {
   double worst_ = 0;
 };
 
-struct TickStatistics {       // over a whole run
-  Microseconds step, period;  // CPU time of a tick; between ticks
-  std::int64_t ticks = 0, missed = 0, clamped = 0, rate_limited = 0, heat_limited = 0;  // counts
-  double last_time = 0;                                                                 // s
+struct TickStatistics {  // over a whole run
+  // Of the ticks that were due.
+  double missed_share() const noexcept {
+    return ticks > 0 ? static_cast<double>(missed) / static_cast<double>(ticks + missed) : 0;
+  }
+
+  Microseconds step, period;           // CPU time of a tick; between ticks
+  std::int64_t ticks = 0, missed = 0;  // counts
+  std::int64_t clamped = 0, rate_limited = 0, heat_limited = 0, rejected = 0;
+  double last_time = 0;  // s
 
   void add(const LiveTick& tick) noexcept {  // one tick
     step.add(tick.step_seconds);
@@ -54,6 +60,7 @@ struct TickStatistics {       // over a whole run
     clamped += (tick.flags & kForceClamped) != 0;
     rate_limited += (tick.flags & kForceRateLimited) != 0;
     heat_limited += (tick.flags & kForceHeatLimited) != 0;
+    rejected += (tick.flags & kReadingRejected) != 0;
   }
 };
 

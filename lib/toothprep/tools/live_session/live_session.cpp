@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/contact.h"
 #include "toothprep/tools/live_session/device_header.h"
 #include "toothprep/tools/live_session/tick_sinks.h"
 
@@ -14,6 +15,9 @@ namespace toothprep {
 namespace {
 
 constexpr double kAbove = 3;  // mm over the tooth, where the bur starts if nothing says where
+constexpr double kHeadElementSize = 0.2;  // mm
+constexpr double kNear = 5;               // mm
+constexpr double kNearWithin = 5;         // s
 
 void check_rate(const HapticDevice& device, double time_step) {
   if (std::abs(device.limits().rate * time_step - 1) > 1e-6)
@@ -21,6 +25,53 @@ void check_rate(const HapticDevice& device, double time_step) {
         fmt::format("the device's servo runs at {:g} Hz, the model's step is {:g} s; give "
                     "--rate-hz or --time-step-s",
                     device.limits().rate, time_step));
+}
+
+// No session starts with the bur in tissue: what lies inside it would be gone at once.
+class StartRule {
+ public:
+  StartRule(const Bur& bur, const Workpiece& workpiece, bool laid,
+            const std::function<void(const std::string&)>& note)
+      : head_(bur.elements(kHeadElementSize)), workpiece_(workpiece), laid_(laid), note_(note) {}
+
+  bool may_start(const Pose& pose) {
+    if (area_in_tissue(head_, workpiece_, pose) == 0) return true;
+    if (laid_)
+      throw Error(
+          fmt::format("the start, {:.2f} {:.2f} {:.2f} mm, puts the bur into the tooth; "
+                      "give a start that is clear of it (--start-mm)",
+                      pose.position.x(), pose.position.y(), pose.position.z()));
+    if (!noted_ && note_)
+      note_(
+          "the bur is in the tooth: move the hand until it is clear; there is no force, and the "
+          "session begins then");
+    noted_ = true;
+    return false;
+  }
+
+ private:
+  SurfaceElements head_;
+  const Workpiece& workpiece_;
+  bool laid_, noted_ = false;
+  std::function<void(const std::string&)> note_;
+};
+
+// With a note if the hand doesn't come near the tooth: then the registration is wrong.
+LiveWatch with_nearness_watched(LiveWatch watch, const Box& tooth) {
+  watch.report = [tooth, note = watch.note, report = std::move(watch.report), was_near = false,
+                  noted = false](const LiveStatus& s, const DeviceStatus& d) mutable {
+    const Vec3 outside = (tooth.min - s.handle).cwiseMax(s.handle - tooth.max).cwiseMax(0.0);
+    was_near = was_near || outside.norm() < kNear;
+    if (!was_near && !noted && d.time > kNearWithin && note) {
+      noted = true;
+      note(
+          fmt::format("the bur has not come within {:g} mm of the tooth yet, it is {:.0f} mm away: "
+                      "is the registration right?",
+                      kNear, outside.norm()));
+    }
+    if (report) report(s, d);
+  };
+  return watch;
 }
 
 EnergyAudit audit_of(const SessionTotals& t, const Parameters& parameters) {
@@ -33,6 +84,13 @@ EnergyAudit audit_of(const SessionTotals& t, const Parameters& parameters) {
 }
 
 }  // namespace
+
+ReadingLimits reading_limits(const DeviceLimits& device) {
+  ReadingLimits limits;
+  limits.period = 1 / device.rate;
+  limits.workspace = device.workspace;
+  return limits;
+}
 
 Vec3 start_above(const LayeredTooth& tooth, const Registration& registration) {
   const Box box = bounds_of_solid(tooth);
@@ -64,21 +122,24 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
   recording.replace = target.replace;
   SessionRecorder recorder(target.path, header, recording);
   TickSinks sinks(recorder, display.get());
-  LiveLoop loop(settings.limits, settings.buttons, &sinks);
+  LiveLoop loop(settings.limits, settings.buttons, &sinks, settings.readings);
   std::unique_ptr<Session> session;
   std::optional<Vec3> laid;
   if (!settings.registration.translation) laid = settings.start;
+  StartRule starts(bur, workpiece, laid.has_value(), settings.watch.note);
   if (display) display->start();
   LiveEnd end = run_live(
       device, loop, settings.registration, laid, settings.parameters.time_step,
-      [&](const Pose& pose) -> Session& {
+      [&](const Pose& pose) -> Session* {
+        if (!starts.may_start(pose)) return nullptr;
         HandleSample first;
         first.pose = pose;
         session =
             std::make_unique<Session>(bur, workpiece, settings.parameters, settings.drive, first);
-        return *session;
+        return session.get();
       },
-      with_recorder_watched(settings.watch, recorder, settings.warn));
+      with_recorder_watched(with_nearness_watched(settings.watch, bounds_of_solid(tooth)), recorder,
+                            settings.warn));
 
   LiveOutcome outcome;
   EnergyAudit audit;

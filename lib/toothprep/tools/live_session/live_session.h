@@ -26,6 +26,7 @@ struct LiveSettings {             // what the options of `toothprep live` say
   Vec3 start = Vec3::Zero();      // mm, W: where the hand starts, unless the registration says
   ForceLimits limits;             // the session's own
   LiveButtons buttons;            // pedal and clutch
+  ReadingLimits readings;         // what a true reading of the hand can be
   double display_hz = 0;          // of a surface for a display; 0: none
   LiveWatch watch;                // ends the session
   std::function<void(const std::string&)> warn;  // of a recording that stops early; may be empty
@@ -39,12 +40,16 @@ struct LiveOutcome {                    // of a session that is over
   std::optional<DisplayStats> display;  // with a display
 };
 
+// The limits for a device's readings: its rate and workspace.
+ReadingLimits reading_limits(const DeviceLimits& device);
+
 // 3 mm above the solid of the tooth, in the direction that the registration calls up; mm, W.
 [[nodiscard]] Vec3 start_above(const LayeredTooth& tooth, const Registration& registration);
 
 // Steps a session of `bur` in `workpiece` on the device until the watch ends it, and records it. The
-// workpiece has the cut when it returns. Throws Error if the device isn't calibrated, doesn't run at
-// the model's time step, doesn't start or gives no pose, or if the record can't be created; a
+// workpiece has the cut when it returns. The session begins once the bur is clear of the tooth;
+// until then there is no force, and a note. Throws Error if the device isn't calibrated, doesn't run at
+// the model's time step, doesn't start or gives no pose, if `start` lies in the tooth, or if the record can't be created; a
 // session that ends by a fault is no error here (see RecordedRun::end).
 [[nodiscard]] LiveOutcome run_live_session(HapticDevice& device, const Bur& bur,
                                            const LayeredTooth& tooth, Workpiece& workpiece,

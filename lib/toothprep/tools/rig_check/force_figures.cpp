@@ -39,6 +39,8 @@ const char* name_of(DeviceFault fault) {
       return "device";
     case DeviceFault::kUnplugged:
       return "unplugged";
+    case DeviceFault::kHangs:
+      return "hangs";
   }
   return "unknown";
 }

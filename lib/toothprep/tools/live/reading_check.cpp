@@ -1,0 +1,135 @@
+#include "toothprep/tools/live/reading_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kVelocityWindow = 0.01;  // s
+constexpr double kMoved = 0.1;            // mm within frozen_after: the hand was moving
+
+}  // namespace
+
+const char* describe(ReadingFault fault) noexcept {
+  switch (fault) {
+    case ReadingFault::kNone:
+      return "the readings are good";
+    case ReadingFault::kNotFinite:
+      return "the device's readings are not finite numbers";
+    case ReadingFault::kOutside:
+      return "the device's position lies far outside of its workspace";
+    case ReadingFault::kJump:
+      return "the device's position jumped as no hand does";
+    case ReadingFault::kTooFast:
+      return "the device's position changed faster than a hand can move";
+    case ReadingFault::kTurned:
+      return "the device's orientation jumped as no hand does";
+    case ReadingFault::kFrozen:
+      return "the device's position does not change any more, to the last bit, although the hand "
+             "was moving";
+    case ReadingFault::kGap:
+      return "no reading came for a while, and the hand is not where it was; bring it back";
+  }
+  return "an unknown fault";
+}
+
+void validate(const ReadingLimits& limits) {
+  const auto positive = [](double value, const char* name) {
+    if (!(value > 0)) throw Error(std::string("reading limits: ") + name + " must be above 0");
+  };
+  positive(limits.period, "period");
+  positive(limits.speed, "speed");
+  positive(limits.acceleration, "acceleration");
+  positive(limits.slack, "slack");
+  positive(limits.turn_rate, "turn_rate");
+  positive(limits.turn_slack, "turn_slack");
+  positive(limits.frozen_after, "frozen_after");
+  positive(limits.gap, "gap");
+  positive(limits.give_up, "give_up");
+  positive(limits.give_up_after_gap, "give_up_after_gap");
+}
+
+ReadingCheck::ReadingCheck(const ReadingLimits& limits) : limits_(limits) { validate(limits); }
+
+bool ReadingCheck::near_last(const DevicePose& hand, double since) const noexcept {
+  const double way = limits_.slack + 2 * velocity_.norm() * std::min(since, limits_.give_up);
+  return (hand.position - good_.position).norm() <= way &&
+         hand.orientation.angularDistance(good_.orientation) <= limits_.turn_slack;
+}
+
+bool ReadingCheck::frozen(const DevicePose& hand, double dt) noexcept {
+  const bool same =
+      hand.position == raw_.position && hand.orientation.coeffs() == raw_.orientation.coeffs();
+  raw_ = hand;
+  still_ = same ? still_ + dt : 0;
+  return still_ >= limits_.frozen_after && speed_before_ * limits_.frozen_after > kMoved;
+}
+
+ReadingFault ReadingCheck::fault_of(const DeviceReading& reading, double since) const noexcept {
+  const DevicePose& hand = reading.hand;
+  if (!limits_.workspace.isEmpty() &&
+      limits_.workspace.exteriorDistance(hand.position) > limits_.workspace.sizes().maxCoeff() / 2)
+    return ReadingFault::kOutside;
+  if (!any_) return ReadingFault::kNone;
+  if (fault_ != ReadingFault::kNone) return near_last(hand, since) ? ReadingFault::kNone : cause_;
+  if (since > limits_.gap) return near_last(hand, since) ? ReadingFault::kNone : ReadingFault::kGap;
+  const Vec3 way = hand.position - good_.position;
+  if (knows_velocity_ &&
+      (way - since * velocity_).norm() > limits_.slack + limits_.acceleration * since * since)
+    return ReadingFault::kJump;
+  if (way.norm() > limits_.slack + limits_.speed * since) return ReadingFault::kTooFast;
+  if (hand.orientation.angularDistance(good_.orientation) >
+      limits_.turn_slack + limits_.turn_rate * since)
+    return ReadingFault::kTurned;
+  return ReadingFault::kNone;
+}
+
+void ReadingCheck::accept(const DeviceReading& reading, double since) noexcept {
+  const Vec3 velocity = (reading.hand.position - good_.position) / since;
+  const double share = knows_velocity_ ? 1 - std::exp(-since / kVelocityWindow) : 1.0;
+  const bool goes_on = any_ && !resumed_;
+  if (goes_on) speed_ += (1 - std::exp(-since / limits_.frozen_after)) * (velocity.norm() - speed_);
+  if (still_ == 0) speed_before_ = speed_;
+  velocity_ = goes_on ? Vec3(velocity_ + share * (velocity - velocity_)) : Vec3(Vec3::Zero());
+  knows_velocity_ = goes_on;
+  good_ = reading.hand;
+  good_time_ = reading.time;
+  any_ = true;
+}
+
+ReadingFault ReadingCheck::judge(const DeviceReading& reading) noexcept {
+  const double least = limits_.period / 2;
+  if (!any_) {
+    last_time_ = good_time_ = reading.time;
+    raw_ = reading.hand;
+  }
+  const double dt = std::max(reading.time - last_time_, least);
+  const double since = std::max(reading.time - good_time_, least);
+  last_time_ = reading.time;
+  const bool stands = frozen(reading.hand, dt);
+  ReadingFault fault = ReadingFault::kNone;
+  if (reading.fault == DeviceFault::kBadReading)
+    fault = ReadingFault::kNotFinite;
+  else if (stands)
+    fault = ReadingFault::kFrozen;
+  else
+    fault = fault_of(reading, since);
+
+  resumed_ = fault == ReadingFault::kNone && any_ &&
+             (fault_ != ReadingFault::kNone || since > limits_.gap);
+  if (fault == ReadingFault::kNone) {
+    accept(reading, since);
+  } else {
+    if (fault_ == ReadingFault::kNone) cause_ = fault;
+    const bool may_return = cause_ == ReadingFault::kGap || cause_ == ReadingFault::kFrozen;
+    lost_ = lost_ || (any_ && since > (may_return ? limits_.give_up_after_gap : limits_.give_up));
+  }
+  fault_ = fault;
+  return fault;
+}
+
+}  // namespace toothprep

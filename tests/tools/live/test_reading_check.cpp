@@ -1,0 +1,158 @@
+// Which readings of a hand are believed.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "toothprep/step/core/errors.h"
+#include "toothprep/tools/live/reading_check.h"
+
+namespace toothprep {
+namespace {
+
+using F = ReadingFault;
+
+// A hand that moves at 1 kHz, 30 mm/s with tremor, as encoders of 0.023 mm see it.
+DeviceReading reading(int tick) {
+  DeviceReading r;
+  r.tick = tick;
+  r.time = 1e-3 * tick;
+  const double x = 0.03 * tick + 0.1 * std::sin(2 * 3.14159 * 9 * r.time);
+  r.hand.position = Vec3(0.023 * std::round(x / 0.023), 0, 0.023 * std::round(0.5 * x / 0.023));
+  r.hand.orientation = Quat(Eigen::AngleAxisd(0.001 * tick, Vec3::UnitX()));
+  return r;
+}
+
+class Readings : public ::testing::Test {
+ protected:
+  F judge(const DeviceReading& r) { return check_.judge(r); }
+  int good(int from, int to) {  // how many are rejected
+    int rejected = 0;
+    for (int i = from; i < to; ++i) rejected += judge(reading(i)) != F::kNone;
+    return rejected;
+  }
+  ReadingCheck check_{ReadingLimits{}};
+};
+
+TEST_F(Readings, OfAHandAreAllBelieved) { EXPECT_EQ(good(0, 5000), 0); }
+
+TEST_F(Readings, OfAFastHandInTheAirAreBelieved) {
+  // 0.15 m at 2.5 Hz: 1.2 m/s, 18 m/s².
+  for (int i = 0; i < 3000; ++i) {
+    DeviceReading r = reading(i);
+    r.hand.position = Vec3(75 * std::sin(2 * 3.14159 * 2.5 * r.time), 0, 0);
+    EXPECT_EQ(judge(r), F::kNone) << i;
+  }
+}
+
+TEST_F(Readings, ThatComeLateAreBelieved) {
+  int tick = 0;
+  for (int i = 0; i < 500; ++i) {
+    EXPECT_EQ(judge(reading(tick)), F::kNone) << tick;
+    tick += i % 7 == 3 ? 12 : 1;
+  }
+}
+
+TEST_F(Readings, OfOneTickFarAwayAreRejectedAndTheNextOnesBelieved) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading glitch = reading(1000);
+  glitch.hand.position.y() += 20;
+  EXPECT_EQ(judge(glitch), F::kJump);
+  EXPECT_EQ(judge(reading(1001)), F::kNone);
+  EXPECT_TRUE(check_.resumed());
+  EXPECT_EQ(good(1002, 2000), 0);
+  EXPECT_FALSE(check_.resumed());
+}
+
+TEST_F(Readings, AMillimetreAwayAreRejectedToo) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading glitch = reading(1000);
+  glitch.hand.position.y() += 1;
+  EXPECT_EQ(judge(glitch), F::kJump);
+}
+
+TEST_F(Readings, ThatStayElsewhereAreNeverBelievedAndTheHandIsLostAfterATenthOfASecond) {
+  EXPECT_EQ(good(0, 1000), 0);
+  for (int i = 1000; i < 1200; ++i) {
+    DeviceReading r = reading(i);
+    r.hand.position.y() += 20;
+    EXPECT_NE(judge(r), F::kNone) << i;
+    EXPECT_EQ(check_.lost(), i > 1100 - 1) << i;
+  }
+}
+
+TEST_F(Readings, OfAnOrientationThatJumpsAreRejected) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading r = reading(1000);
+  r.hand.orientation = r.hand.orientation * Quat(Eigen::AngleAxisd(0.6, Vec3::UnitY()));
+  EXPECT_EQ(judge(r), F::kTurned);
+}
+
+TEST_F(Readings, ThatTheServoFoundNotFiniteAreRejected) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading r = reading(999);  // the last good one is held
+  for (int i = 1000; i < 1200; ++i) {
+    r.time = 1e-3 * i;
+    r.fault = DeviceFault::kBadReading;
+    EXPECT_EQ(judge(r), F::kNotFinite);
+  }
+  EXPECT_TRUE(check_.lost());
+}
+
+TEST_F(Readings, OfAPoseThatFreezesWhileTheHandMovesAreRejectedUntilItChanges) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading r = reading(1000);
+  int first = 0;
+  for (int i = 1000; i < 2000; ++i) {
+    r.time = 1e-3 * i;
+    if (judge(r) == F::kFrozen && first == 0) first = i;
+  }
+  EXPECT_NEAR(first, 1250, 2);
+  EXPECT_FALSE(check_.lost()) << "it may come back for ten seconds";
+  r.time = 2;
+  r.hand.position.x() += 0.023;
+  EXPECT_EQ(judge(r), F::kNone);
+  EXPECT_TRUE(check_.resumed());
+}
+
+TEST_F(Readings, OfAHandThatRestsFromTheStartAreBelieved) {
+  DeviceReading r = reading(500);
+  for (int i = 0; i < 3000; ++i) {
+    r.time = 1e-3 * i;
+    EXPECT_EQ(judge(r), F::kNone) << i;
+  }
+}
+
+TEST_F(Readings, AfterAPauseCountOnlyWhereTheHandWas) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading r = reading(999);
+  r.time = 4;  // the program was stopped
+  r.hand.position.y() += 30;
+  EXPECT_EQ(judge(r), F::kGap);
+  EXPECT_FALSE(check_.lost());
+  r.time = 6;
+  r.hand.position.y() -= 29.8;
+  EXPECT_EQ(judge(r), F::kNone);
+  EXPECT_TRUE(check_.resumed());
+}
+
+TEST_F(Readings, FarOutsideOfTheWorkspaceAreRejected) {
+  ReadingLimits limits;
+  limits.workspace = Eigen::AlignedBox3d(Vec3(-80, -60, -35), Vec3(80, 60, 35));
+  ReadingCheck check(limits);
+  DeviceReading r = reading(0);
+  r.hand.position = Vec3(150, 0, 0);
+  EXPECT_EQ(check.judge(r), F::kNone) << "usable workspaces are smaller than the arm's reach";
+  ReadingCheck other(limits);
+  r.hand.position = Vec3(165, 0, 0);
+  EXPECT_EQ(other.judge(r), F::kOutside);
+}
+
+TEST(ReadingLimits, ThatMeanNothingAreRefused) {
+  ReadingLimits limits;
+  limits.speed = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(ReadingCheck{limits}, Error);
+}
+
+}  // namespace
+}  // namespace toothprep
