@@ -14,7 +14,7 @@ PROGRAMS = [Path(sys.argv[2])] + [Path(p) for p in sys.argv[3:] if Path(p).is_fi
 PAGE = (SOURCE / "data" / "dependencies.md").read_text(encoding="utf-8")
 # [packages, version, licence, used for, CMake, libraries] of every row; the two lists may be missing.
 ROWS = [[c.strip() for c in line.split("|")[1:-1]] for line in PAGE.splitlines() if line.startswith("| `")]
-OF_CMAKE = {"SuiteSparse", "Python", "Python3", "pybind11", "Threads"}  # part of CMake or of the compiler
+OF_CMAKE = {"SuiteSparse", "Python", "Python3", "Threads"}  # part of CMake or of the compiler
 NAMES_ONLY = {"libboost-dev", "libboost-iostreams-dev"}  # packages that name the current version; their file is of that
 DEBIAN = subprocess.run(["sh", "-c", ". /etc/os-release && echo $ID-$VERSION_ID"], capture_output=True, text=True,
                         check=True).stdout.strip()
