@@ -67,7 +67,7 @@ std::unique_ptr<HapticDevice> open_device(const Options& o,
   SimulatedSettings settings;
   settings.motion = hand();
   if (!o.mirror_hand.empty())
-    settings.mirror_motion = hand_along(load_trajectory(o.mirror_hand).samples);
+    settings.mirror_motion = hand_along(read_trajectory(o.mirror_hand).samples);
   if (o.rate) settings.phantom.rate = static_cast<double>(*o.rate);
   return std::make_unique<SimulatedDevice>(settings);
 }

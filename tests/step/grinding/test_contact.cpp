@@ -5,6 +5,7 @@
 #include "../session/experiment.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/engine.h"
 
 namespace toothprep::testing {
 namespace {

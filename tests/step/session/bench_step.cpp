@@ -11,6 +11,7 @@
 #include <chrono>
 
 #include "experiment.h"
+#include "toothprep/step/grinding/engine.h"
 
 namespace toothprep::testing {
 namespace {

@@ -5,6 +5,8 @@
 
 #include "experiment.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/step/session/implicit_step.h"
+#include "toothprep/step/session/stages.h"
 
 namespace toothprep::testing {
 namespace {

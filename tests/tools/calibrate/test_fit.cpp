@@ -252,7 +252,8 @@ TEST(Fit, RepeatsBitForBit) {
 TEST(Fit, ParametersFileGivesTheFittedValuesBack) {
   const FitResult r = fit_to(mixed_feed(), mixed_basis(), {}, {});
   const Parameters p = parse_parameters(
-      fitted_parameters_toml(r, preset_parameters("paper"), {"x", "t", "s", "b", {}}), "fit.toml");
+      fitted_parameters_toml(r, preset_parameters("paper"), {"x", "t", "s", "b", {}, ""}),
+      "fit.toml");
   EXPECT_EQ(p.tissue[0].specific_energy, r.tissue[0].u.value);
   EXPECT_EQ(p.tissue[1].force_ratio, r.tissue[1].alpha.value);
   EXPECT_EQ(p.tissue[2].specific_energy, preset_parameters("paper").tissue[2].specific_energy);

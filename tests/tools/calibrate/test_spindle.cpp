@@ -77,7 +77,8 @@ TEST(Spindle, RecordedSpeedTellsUItselfAndTheDroop) {
   EXPECT_NEAR(r.droop->rate.value, 130, 0.13);
   EXPECT_NEAR(r.droop->stall_torque.value, kStall, 2e-3 * kStall);
   const Parameters p = parse_parameters(
-      fitted_parameters_toml(r, preset_parameters("paper"), {"x", "t", "s", "b", {}}), "fit.toml");
+      fitted_parameters_toml(r, preset_parameters("paper"), {"x", "t", "s", "b", {}, ""}),
+      "fit.toml");
   EXPECT_EQ(p.handpiece.model, HandpieceModel::kDroop);
   EXPECT_EQ(p.handpiece.rotation_rate, r.droop->rate.value);
   EXPECT_EQ(p.handpiece.stall_torque, r.droop->stall_torque.value);

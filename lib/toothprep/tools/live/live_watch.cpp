@@ -125,10 +125,11 @@ class Watcher {
 
   // A line when something begins.
   void note_onsets(const LiveStatus& now) {
-    if (now.reading != reading_ && now.reading != ReadingFault::kNone)
-      note(std::string(describe(now.reading)) + ": zero force and no cutting until it is right");
-    else if (now.reading != reading_)
+    if (now.rejections != rejections_)
+      note(std::string(describe(now.last_fault)) + ": zero force and no cutting until it is right");
+    if (now.reading == ReadingFault::kNone && reading_ != ReadingFault::kNone)
       note("the readings are good again: the force is ramped in");
+    rejections_ = now.rejections;
     reading_ = now.reading;
     const DeviceStatus device = device_.status();
     if (device.faults > faults_ && severity_of(device.last_fault) == FaultSeverity::kTransient)
@@ -195,7 +196,7 @@ class Watcher {
   HapticDevice& device_;
   const LiveWatch& watch_;
   ReadingFault reading_ = ReadingFault::kNone;
-  std::int64_t faults_ = 0;
+  std::int64_t rejections_ = 0, faults_ = 0;
   bool locked_ = false;
 };
 

@@ -14,19 +14,21 @@ namespace toothprep {
 
 // For the status line; each figure is whole, together they may be of two ticks.
 struct LiveStatus {
-  std::int64_t steps = 0;                 // of the session
-  double force = 0;                       // N, commanded
-  double lag = 0;                         // mm, bur behind the handle
-  double torque = 0;                      // N·mm
-  bool stalled = false, running = false;  // the bur's motor
-  PerTissue<double> removed{};            // mm³
-  double heat = 0;                        // of the motors, 1: the continuous limit
-  bool vibrates = false;                  // the governor has switched the force off
-  double longest_step = 0;                // s of CPU time
-  bool faded = false;                     // the force was ramped out, as it was asked for
-  bool locked = false;                    // the motor waits for a safe start
-  Vec3 handle = Vec3::Zero();             // mm, W
-  ReadingFault reading = ReadingFault::kNone;
+  std::int64_t steps = 0;                         // of the session
+  double force = 0;                               // N, commanded
+  double lag = 0;                                 // mm, bur behind the handle
+  double torque = 0;                              // N·mm
+  bool stalled = false, running = false;          // the bur's motor
+  PerTissue<double> removed{};                    // mm³
+  double heat = 0;                                // of the motors, 1: the continuous limit
+  bool vibrates = false;                          // the governor has switched the force off
+  double longest_step = 0;                        // s of CPU time
+  bool faded = false;                             // the force was ramped out, as it was asked for
+  bool locked = false;                            // the motor waits for a safe start
+  Vec3 handle = Vec3::Zero();                     // mm, W
+  ReadingFault reading = ReadingFault::kNone;     // of the last reading
+  ReadingFault last_fault = ReadingFault::kNone;  // of the last one that was rejected
+  std::int64_t rejections = 0;                    // how often it began to be
   bool hand_lost = false;  // readings were rejected for so long that the session has to end
 };
 
@@ -52,6 +54,11 @@ class StatusBoard {  // written by the servo's thread, read by any
   }
 
   void write(ReadingFault reading, bool lost) noexcept {
+    if (reading != ReadingFault::kNone) {
+      if (reading_.load(kRelaxed) == ReadingFault::kNone)
+        rejections_.store(rejections_.load(kRelaxed) + 1, kRelaxed);
+      last_fault_.store(reading, kRelaxed);
+    }
     reading_.store(reading, kRelaxed);
     lost_.store(lost, kRelaxed);
   }
@@ -73,6 +80,8 @@ class StatusBoard {  // written by the servo's thread, read by any
     for (std::size_t i = 0; i < 3; ++i)
       s.handle[static_cast<Eigen::Index>(i)] = handle_[i].load(kRelaxed);
     s.reading = reading_.load(kRelaxed);
+    s.last_fault = last_fault_.load(kRelaxed);
+    s.rejections = rejections_.load(kRelaxed);
     s.hand_lost = lost_.load(kRelaxed);
     return s;
   }
@@ -85,7 +94,8 @@ class StatusBoard {  // written by the servo's thread, read by any
   std::atomic<bool> stalled_ = false, running_ = false, vibrates_ = false;
   std::atomic<bool> faded_ = false, locked_ = false, lost_ = false;
   std::array<std::atomic<double>, 3> handle_{};
-  std::atomic<ReadingFault> reading_ = ReadingFault::kNone;
+  std::atomic<ReadingFault> reading_ = ReadingFault::kNone, last_fault_ = ReadingFault::kNone;
+  std::atomic<std::int64_t> rejections_ = 0;
 };
 
 }  // namespace toothprep
