@@ -240,7 +240,7 @@ TEST_F(ToothFile, AResavedToothThatIsNoLongerTheSameIsReported) {
 
 TEST_F(ToothFile, AToothWhereNoToothLiesIsReported) {
   write_tooth(small_block(), path("a.vdb"));
-  for (const double away : {1e7, -1e29}) {
+  for (const double away : {1e7, -1e12}) {
     resave(path("a.vdb"), path("b.vdb"), [&](Grids& g) {
       for (auto& [name, grid] : g) grid->transform().postTranslate(openvdb::Vec3d(away, 0, 0));
     });
@@ -248,6 +248,15 @@ TEST_F(ToothFile, AToothWhereNoToothLiesIsReported) {
                 Contains(HasSubstr(" mm from the origin, where no scan has it")))
         << away;
   }
+}
+
+TEST_F(ToothFile, VoxelsOfKilometresAreRefused) {
+  write_tooth(small_block(), path("a.vdb"));
+  resave(path("a.vdb"), path("b.vdb"), [](Grids& g) {
+    for (auto& [name, grid] : g)
+      grid->setTransform(openvdb::math::Transform::createLinearTransform(1e29));
+  });
+  EXPECT_THAT(refusal(path("b.vdb")), HasSubstr("b.vdb"));
 }
 
 TEST_F(ToothFile, DamageInFilesOfOtherProgramsIsRefusedOrHarmless) {

@@ -13,7 +13,7 @@ TEST(NoAllocation, LiveTicksThatGrindAllocateNothing) {
   settings.motion = hand_along(slot(2, 4));
   SimulatedDevice device(settings);
   Rows rows;
-  LiveLoop loop(no_watch(), {1, 2}, &rows);
+  LiveLoop loop(no_watch(), {0, 2}, &rows);
   device.start(loop);
   device.run(1);
   const DevicePose first = *loop.waiting_pose();
