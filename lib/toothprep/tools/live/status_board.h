@@ -53,6 +53,7 @@ class StatusBoard {  // written by the servo's thread, read by any
       handle_[i].store(tick.row.handle.pose.position[static_cast<Eigen::Index>(i)], kRelaxed);
   }
 
+  // What came of a tick's reading.
   void write(ReadingFault reading, bool lost) noexcept {
     if (reading != ReadingFault::kNone) {
       if (reading_.load(kRelaxed) == ReadingFault::kNone)

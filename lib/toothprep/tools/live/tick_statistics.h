@@ -46,8 +46,8 @@ struct TickStatistics {  // over a whole run
 
   Microseconds step, period;           // CPU time of a tick; between ticks
   std::int64_t ticks = 0, missed = 0;  // counts
-  std::int64_t clamped = 0, rate_limited = 0, heat_limited = 0, rejected = 0;
-  double last_time = 0;  // s
+  std::int64_t clamped = 0, rate_limited = 0, heat_limited = 0, rejected = 0;  // of these
+  double last_time = 0;                                                        // s
 
   void add(const LiveTick& tick) noexcept {  // one tick
     step.add(tick.step_seconds);
