@@ -505,8 +505,10 @@ bool in_time(const std::function<void()>& work) noexcept {
   try {
     std::packaged_task<void()> task(work);
     const std::future<void> done = task.get_future();
-    std::thread(std::move(task)).detach();
-    return done.wait_for(kDriverTime) == std::future_status::ready;
+    std::thread thread(std::move(task));
+    const bool came_back = done.wait_for(kDriverTime) == std::future_status::ready;
+    came_back ? thread.join() : thread.detach();
+    return came_back;
   } catch (const std::exception&) {  // no thread to be had
     work();
     return true;
