@@ -10,7 +10,7 @@ namespace toothprep {
 struct FeedCounts {
   std::uint64_t ticks = 0, bricks = 0;  // bricks: handed over
   std::uint64_t largest_backlog = 0;    // bricks marked and not yet handed over, after a tick
-  std::uint64_t ring_full = 0;          // ticks that found no room
+  std::uint64_t ring_full = 0;          // ticks dropped since the ring was full
 };
 
 struct DisplayStats {                          // of the worker that meshes what changed
