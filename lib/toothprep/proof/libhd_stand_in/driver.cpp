@@ -69,6 +69,22 @@ int give(double* values, double v) {
   return 1;
 }
 
+std::uint32_t flag_of(FaultKind kind) {
+  switch (kind) {
+    case FaultKind::kPoseJump:
+    case FaultKind::kNan:
+      return kJumped;
+    case FaultKind::kFrozen:
+      return kStands;
+    case FaultKind::kLostCalibration:
+      return kUncalibrated;
+    case FaultKind::kLetGo:
+      return kSwitchOpened;
+    default:
+      return 0;
+  }
+}
+
 }  // namespace
 
 Driver::Driver() : next_handle_(kFirstHandle) {
@@ -184,10 +200,25 @@ void Driver::create(unsigned index) {
   devices_[index]->calibration = settings_.calibration;
 }
 
+// For good, as a driver that waits for an answer that doesn't come.
+void Driver::hang_if(FaultKind kind) const {
+  for (const FaultSettings& fault : settings_.faults)
+    while (fault.kind == kind) std::this_thread::sleep_for(std::chrono::hours(1));
+}
+
 HHD Driver::init(const char* name) {
+  const HHD handle = open(name);
+  hang_if(FaultKind::kHangingOpen);
+  return handle;
+}
+
+HHD Driver::open(const char* name) {
   const Lock lock(mutex_);
   try {
     if (!configured_ && !any_open()) settings_ = settings_of_environment();
+    if (!settings_.log.empty() && !any_open())
+      log_ = std::make_unique<TickLog>(settings_.log, settings_.phantom.rate,
+                                       static_cast<std::size_t>(settings_.log_ticks));
     devices_.resize(settings_.names.size());
     fault_text_ = "device fault";
     unsigned index = 0;
@@ -304,7 +335,7 @@ int Driver::get(HDenum what, Type type, double* values) {
     case HD_CURRENT_BUTTONS:
       return give(values, static_cast<double>(pose.buttons));
     case HD_CURRENT_SAFETY_SWITCH:
-      return give(values, 1);  // the hand holds it
+      return give(values, lasts(FaultKind::kLetGo, current_) ? 0 : 1);
     case HD_CURRENT_INKWELL_SWITCH:
       return give(values, 0);
     case HD_CURRENT_ENCODER_VALUES:
@@ -410,7 +441,9 @@ void Driver::set_capability(HDenum capability, bool enabled) {
       if (enabled && device->calibration != HD_CALIBRATION_OK)
         return misuse(HD_INVALID_OPERATION, current_, "forces enabled before calibration");
       device->force_output = enabled;
-      if (!enabled) device->motor_force = Vec3::Zero();
+      if (enabled) return;
+      device->motor_force = Vec3::Zero();
+      if (current_ == 0 && !in_callback) log(kMotorsReleased);
       return;
     case HD_MAX_FORCE_CLAMPING:
       device->clamping = enabled;
@@ -455,9 +488,7 @@ bool Driver::is_enabled(HDenum capability) {
 HDenum Driver::check_calibration() {
   const Lock lock(mutex_);
   Device* const device = current_device("hdCheckCalibration without a current device");
-  for (const FaultSettings& fault : settings_.faults)
-    if (fault.kind == FaultKind::kLostCalibration && fault.device == current_ && lasts(fault))
-      return HD_CALIBRATION_NEEDS_MANUAL_INPUT;
+  if (lasts(FaultKind::kLostCalibration, current_)) return HD_CALIBRATION_NEEDS_MANUAL_INPUT;
   return device ? device->calibration : HD_CALIBRATION_NEEDS_MANUAL_INPUT;
 }
 
@@ -478,19 +509,23 @@ void Driver::update_calibration(HDenum style) {
 // ---- Scheduler.
 
 void Driver::start() {
+  start_servo();
+  hang_if(FaultKind::kHangingStart);
+}
+
+void Driver::start_servo() {
   const Lock lock(mutex_);
   if (running_) return misuse(HD_INVALID_OPERATION, current_, "hdStartScheduler of a running one");
   if (settings_.start_fails) return push_error(HD_TIMER_ERROR, current_);
   running_ = true;
   leave_ = false;
   first_tick_ = clock_tick_;
+  this_tick_ = -1;
   if (!settings_.stepped) thread_ = std::thread([this] { run_in_real_time(); });
 }
 
 void Driver::stop() {
-  for (const FaultSettings& fault : settings_.faults)
-    while (fault.kind == FaultKind::kHangingStop)
-      std::this_thread::sleep_for(std::chrono::hours(1));
+  hang_if(FaultKind::kHangingStop);
   {
     const Lock lock(mutex_);
     if (in_callback)
@@ -515,6 +550,7 @@ void Driver::set_rate(unsigned long hz) {
 }
 
 HDSchedulerHandle Driver::schedule(HDSchedulerCallback callback, void* data, HDushort priority) {
+  hang_if(FaultKind::kHangingSchedule);
   const Lock lock(mutex_);
   for (Scheduled& s : scheduled_)
     if (s.handle == 0) {
@@ -572,9 +608,9 @@ double Driver::time_in_tick() {
 
 void Driver::begin_tick() {
   tick_began_ = monotonic_time();
-  const long n = clock_tick_ - first_tick_;
+  last_tick_ = std::exchange(this_tick_, clock_tick_ - first_tick_);
   for (const FaultSettings& fault : settings_.faults) {
-    if (fault.at_tick != n || fault.device >= devices_.size() || !devices_[fault.device]) continue;
+    if (!begins(fault) || fault.device >= devices_.size() || !devices_[fault.device]) continue;
     Device& device = *devices_[fault.device];
     if (fault.kind == FaultKind::kUnplugged) unplug(device);
     if (fault.kind != FaultKind::kError) continue;
@@ -589,14 +625,26 @@ void Driver::begin_tick() {
       device->injected_ticks = std::exchange(device->asked_ticks, 0);
     }
     device->had_frame = false;
+    device->flags = 0;
     device->latched = device->arm.read(time());
     disturb(i, *device);
   }
 }
 
+// In the first tick that comes from then on: the machine may leave some out.
+bool Driver::begins(const FaultSettings& fault) const {
+  return last_tick_ < fault.at_tick && fault.at_tick <= this_tick_;
+}
+
 bool Driver::lasts(const FaultSettings& fault) const {
-  const long n = clock_tick_ - first_tick_;
-  return running_ && n >= fault.at_tick && n < fault.at_tick + fault.ticks;
+  return running_ && fault.at_tick <= this_tick_ &&
+         (begins(fault) || this_tick_ < fault.at_tick + fault.ticks);
+}
+
+bool Driver::lasts(FaultKind kind, HHD device) const {
+  for (const FaultSettings& fault : settings_.faults)
+    if (fault.kind == kind && fault.device == device && lasts(fault)) return true;
+  return false;
 }
 
 // What the device says of its pose.
@@ -608,18 +656,38 @@ void Driver::disturb(unsigned index, Device& device) {
     if (fault.kind == FaultKind::kPoseJump) device.latched.position += fault.offset;
     if (fault.kind == FaultKind::kNan) device.latched.position.setConstant(std::nan(""));
     if (fault.kind == FaultKind::kFrozen) device.latched = device.frozen = before;
+    device.flags |= flag_of(fault.kind);
   }
 }
 
+void Driver::log(std::uint32_t more_flags) noexcept {
+  if (!log_ || devices_.empty() || !devices_[0]) return;
+  const Device& device = *devices_[0];
+  TickRow row;
+  row.tick = clock_tick_ - first_tick_;
+  row.time = tick_began_;
+  give(row.position, device.latched.position);
+  Eigen::Map<Eigen::Vector4d>(row.orientation) = device.latched.orientation.coeffs();
+  row.buttons = device.latched.buttons;
+  row.flags = more_flags | device.flags | (device.force_output ? kForceOutput : 0u) |
+              (device.injected_ticks > 0 ? kErrorReported : 0u) | (device.unplugged ? kGone : 0u);
+  give(row.commanded, device.commanded_force);
+  give(row.motor, device.motor_force);
+  log_->add(row);
+}
+
 void Driver::finish_tick() {
+  bool ended = false;
   for (unsigned i = 0; i < devices_.size(); ++i) {
     if (!devices_[i]) continue;
     Device& device = *devices_[i];
+    if (i == 0) ended = device.had_frame && !device.in_frame;
     if (device.in_frame) {
       device.in_frame = false;
       device.commanded_force = device.motor_force = Vec3::Zero();
       if (!device.unplugged) misuse(HD_FRAME_ERROR, i, "a frame was not ended in its tick");
     }
+    if (i == 0) log(ended ? kFrameEnded : 0u);
     if (device.injected_ticks > 0) --device.injected_ticks;
   }
   hold_for_a_tick();
@@ -634,6 +702,7 @@ void Driver::hold_for_a_tick() {
 void Driver::release_motors() {
   for (const auto& device : devices_)
     if (device) device->motor_force = Vec3::Zero();
+  log(kMotorsReleased);
 }
 
 void Driver::tick() {
@@ -645,7 +714,7 @@ void Driver::tick() {
   }
   in_callback = true;
   for (const FaultSettings& fault : settings_.faults)
-    if (fault.kind == FaultKind::kHangingTick && fault.at_tick == clock_tick_ - first_tick_)
+    if (fault.kind == FaultKind::kHangingTick && begins(fault))
       std::this_thread::sleep_for(
           std::chrono::duration<double>(static_cast<double>(fault.ticks) / settings_.phantom.rate));
   for (const Scheduled& s : callbacks) {
@@ -726,6 +795,7 @@ int Driver::configure(const char* toml) {
   errors_.clear();
   misuses_ = 0;
   first_misuse_.clear();
+  log_.reset();
   clock_tick_ = first_tick_ = 0;
   devices_.clear();
   closed_.clear();

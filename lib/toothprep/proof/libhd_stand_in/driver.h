@@ -13,6 +13,7 @@
 
 #include "settings.h"
 #include "stand_in.h"
+#include "tick_log.h"
 #include "toothprep/tools/device/simulated_arm.h"
 
 namespace toothprep::stand_in {
@@ -85,6 +86,7 @@ class Driver {
     hdapi::HDerror asked = hdapi::HD_SUCCESS, injected = hdapi::HD_SUCCESS;
     long asked_ticks = 0, injected_ticks = 0;  // from the next tick on; and in this one
     long frames = 0;
+    std::uint32_t flags = 0;  // TickFlag, of this tick
   };
   struct Scheduled {
     hdapi::HDSchedulerHandle handle = 0;  // 0: free
@@ -99,6 +101,9 @@ class Driver {
   };
   using Lock = std::unique_lock<std::mutex>;
 
+  hdapi::HHD open(const char* name);
+  void start_servo();
+
   // All with the lock held.
   void push_error(hdapi::HDerror code, hdapi::HHD handle, int internal = 0);
   void misuse(hdapi::HDerror code, hdapi::HHD handle, const char* what);
@@ -108,7 +113,11 @@ class Driver {
   void create(unsigned index);
   void begin_tick();
   void disturb(unsigned index, Device& device);
+  void log(std::uint32_t more_flags) noexcept;
+  bool begins(const FaultSettings& fault) const;
   bool lasts(const FaultSettings& fault) const;
+  bool lasts(FaultKind kind, hdapi::HHD device) const;
+  void hang_if(FaultKind kind) const;
   void finish_tick();
   void hold_for_a_tick();
   void release_motors();
@@ -134,9 +143,11 @@ class Driver {
   std::vector<Waiting*> waiting_;
   bool running_ = false;
   std::atomic<bool> leave_ = false;
-  long clock_tick_ = 0;  // of the arms, since the configuration
-  long first_tick_ = 0;  // clock_tick_ at the start of the servo
+  long clock_tick_ = 0;                   // of the arms, since the configuration
+  long first_tick_ = 0;                   // clock_tick_ at the start of the servo
+  long last_tick_ = -1, this_tick_ = -1;  // of the servo, that came
   double tick_began_ = 0;
+  std::unique_ptr<TickLog> log_;
   std::thread thread_;
 };
 

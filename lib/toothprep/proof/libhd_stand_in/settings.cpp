@@ -28,6 +28,10 @@ const std::map<std::string, FaultKind> kKinds = {
     {"nan", FaultKind::kNan},
     {"frozen", FaultKind::kFrozen},
     {"lost-calibration", FaultKind::kLostCalibration},
+    {"let-go", FaultKind::kLetGo},
+    {"hanging-open", FaultKind::kHangingOpen},
+    {"hanging-schedule", FaultKind::kHangingSchedule},
+    {"hanging-start", FaultKind::kHangingStart},
     {"hanging-tick", FaultKind::kHangingTick},
     {"hanging-stop", FaultKind::kHangingStop},
 };
@@ -145,6 +149,8 @@ void apply(Settings& s, const std::string& toml, const std::string& where) {
     s.faults.clear();
     for (const StrictTable& fault : *faults) s.faults.push_back(fault_of(fault));
   }
+  take(table.text("log"), s.log);
+  take(take_count(table, "log_ticks", 1), s.log_ticks);
   table.done();
   validate(s.phantom);
   validate(s.hand_model);
@@ -178,6 +184,7 @@ Settings settings_of_environment() {
     apply(s, toml, "TOOTHPREP_STANDIN_SET");
   if (const char* path = environment("TOOTHPREP_STANDIN_PATH")) s.hand.path = path;
   if (const char* path = environment("TOOTHPREP_STANDIN_MIRROR_PATH")) s.mirror.path = path;
+  if (const char* path = environment("TOOTHPREP_STANDIN_LOG")) s.log = path;
   return s;
 }
 

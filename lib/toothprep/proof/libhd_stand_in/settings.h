@@ -29,7 +29,11 @@ enum class FaultKind {
   kFrozen,           // the pose is read as it was when this began
   kLostCalibration,  // hdCheckCalibration says so
   kHangingTick,      // a call in the servo's tick takes so many periods
-  kHangingStop       // hdStopScheduler never returns
+  kLetGo,            // the safety switch is read as open
+  kHangingOpen,      // hdInitDevice never returns
+  kHangingSchedule,  // nor hdScheduleAsynchronous
+  kHangingStart,     // nor hdStartScheduler, although the servo runs
+  kHangingStop       // nor hdStopScheduler
 };
 
 struct FaultSettings {
@@ -55,14 +59,16 @@ struct Settings {
   Disturbances disturbances;
   HandSettings hand, mirror;
   std::vector<FaultSettings> faults;
+  std::string log;         // a file; empty: none
+  long log_ticks = 20000;  // most rows of it
 };
 
 // Over the defaults. Throws Error (InputError) for what isn't acceptable.
 Settings parse_settings(const std::string& toml, const std::string& where);
 
 // The defaults, then the file that $TOOTHPREP_STANDIN names, then the TOML text in
-// $TOOTHPREP_STANDIN_SET, then the paths in $TOOTHPREP_STANDIN_PATH and
-// $TOOTHPREP_STANDIN_MIRROR_PATH.
+// $TOOTHPREP_STANDIN_SET, then the paths in $TOOTHPREP_STANDIN_PATH,
+// $TOOTHPREP_STANDIN_MIRROR_PATH and $TOOTHPREP_STANDIN_LOG.
 Settings settings_of_environment();
 
 // Reads the path, if there is one.
