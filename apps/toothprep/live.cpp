@@ -43,9 +43,51 @@ struct Options {
   std::string registration, hand, protocol, pedal = "none", clutch = "none";
   std::vector<double> start;  // mm, W
   double duration = 0, display_hz = 0;
-  std::optional<double> force_limit, force_rate, vibration_limit, speed_limit;
+  std::optional<double> force_limit, force_rate, vibration_limit, vibration_time, heat_time,
+      speed_limit, frozen;
+  double ramp = ForceLimits().ramp, stale = LiveWatch().stale;
+  double driver_wait = OpenHapticsSettings().open_wait;
+  bool ignore_safety_switch = false;
   std::optional<long> rate;
   bool force = false, json = false, no_real_time = false, strict = false;
+};
+
+// ---- Signals: held back everywhere, looked at by the main thread.
+
+class Signals {
+ public:
+  Signals() {
+    sigemptyset(&set_);
+    for (const int signal :
+         {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGPIPE, SIGTSTP})
+      sigaddset(&set_, signal);
+    pthread_sigmask(SIG_BLOCK, &set_, &before_);
+  }
+  ~Signals() { release(); }
+  // From now on they end the program as usual; those that came before have had their answer. Not
+  // SIGPIPE: what the program has to say is no reason to end otherwise than it did.
+  void release() {
+    came();
+    sigset_t after = before_;
+    sigaddset(&after, SIGPIPE);
+    pthread_sigmask(SIG_SETMASK, &after, nullptr);
+  }
+  Signals(const Signals&) = delete;
+  Signals& operator=(const Signals&) = delete;
+  bool came() {
+    const timespec now{};
+    for (int signal = 0; (signal = sigtimedwait(&set_, nullptr, &now)) > 0;) {
+      pause_ = pause_ || signal == SIGTSTP;
+      // SIGPIPE: whoever read the output is gone, which is no reason to end.
+      came_ = came_ || (signal != SIGPIPE && signal != SIGTSTP);
+    }
+    return came_;
+  }
+  bool pause() { return std::exchange(pause_, false); }
+
+ private:
+  sigset_t set_{}, before_{};
+  bool came_ = false, pause_ = false;
 };
 
 // ---- The device
@@ -54,7 +96,7 @@ std::uint32_t button_mask(const std::string& text) {
   return text == "none" ? 0u : 1u << (std::stoul(text) - 1);
 }
 
-std::unique_ptr<HapticDevice> open_device(const Options& o,
+std::unique_ptr<HapticDevice> open_device(const Options& o, Signals& signals,
                                           const std::function<HandMotion()>& hand) {
   if (o.device == "openhaptics") {
     OpenHapticsSettings settings;
@@ -62,10 +104,15 @@ std::unique_ptr<HapticDevice> open_device(const Options& o,
     if (!o.mirror_name.empty()) settings.mirror_name = o.mirror_name;
     settings.library = o.library;
     settings.rate = o.rate;
+    settings.ramp = o.ramp;
+    settings.open_wait = o.driver_wait;
+    settings.start_wait = std::min(settings.start_wait, o.driver_wait);
+    settings.stop_asked = [&signals] { return signals.came(); };
     return open_openhaptics(settings);
   }
   SimulatedSettings settings;
   settings.motion = hand();
+  settings.ramp = o.ramp;
   if (!o.mirror_hand.empty())
     settings.mirror_motion = hand_along(read_trajectory(o.mirror_hand).samples);
   if (o.rate) settings.phantom.rate = static_cast<double>(*o.rate);
@@ -79,6 +126,9 @@ ForceLimits limits_of(const Options& o, const DeviceLimits& device) {
   limits.continuous_force = device.max_continuous_force;
   if (o.force_rate) limits.max_force_rate = *o.force_rate;
   if (o.vibration_limit) limits.vibration_limit = *o.vibration_limit;
+  if (o.vibration_time) limits.vibration_time = *o.vibration_time;
+  if (o.heat_time) limits.thermal_time = *o.heat_time;
+  limits.ramp = o.ramp;
   return limits;
 }
 
@@ -89,6 +139,7 @@ ReadingLimits readings_of(const Options& o, const DeviceLimits& device) {
     limits.frozen_after = std::numeric_limits<double>::infinity();
     limits.workspace.setEmpty();
   }
+  if (o.frozen) limits.frozen_after = *o.frozen;
   return limits;
 }
 
@@ -115,38 +166,6 @@ void check_translation(const std::string& file, const Registration& registration
     warn(fmt::format("{}: translation_mm is {:g} mm long; is it in metres?", file, length));
 }
 
-// ---- Signals: held back everywhere, looked at by the main thread.
-
-class Signals {
- public:
-  Signals() {
-    sigemptyset(&set_);
-    for (const int signal :
-         {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGPIPE, SIGTSTP})
-      sigaddset(&set_, signal);
-    pthread_sigmask(SIG_BLOCK, &set_, &before_);
-  }
-  ~Signals() { release(); }
-  // From now on they end the program as usual.
-  void release() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  Signals(const Signals&) = delete;
-  Signals& operator=(const Signals&) = delete;
-  bool came() {
-    const timespec now{};
-    for (int signal = 0; (signal = sigtimedwait(&set_, nullptr, &now)) > 0;) {
-      pause_ = pause_ || signal == SIGTSTP;
-      // SIGPIPE: whoever read the output is gone, which is no reason to end.
-      came_ = came_ || (signal != SIGPIPE && signal != SIGTSTP);
-    }
-    return came_;
-  }
-  bool pause() { return std::exchange(pause_, false); }
-
- private:
-  sigset_t set_{}, before_{};
-  bool came_ = false, pause_ = false;
-};
-
 // ---- Progress and figures
 
 // At most 79 columns, so that a terminal of 80 doesn't break it.
@@ -165,6 +184,7 @@ std::string status_line(const LiveStatus& s, double time, std::int64_t ticks_per
 LiveWatch watch_for(const Options& o, const Common& common, Signals& signals, Talk& talk) {
   LiveWatch watch;
   watch.duration = o.duration;
+  watch.stale = o.stale;
   watch.stop_asked = [&signals] { return signals.came(); };
   watch.pause_asked = [&signals] { return signals.pause(); };
   watch.real_time = !o.no_real_time;
@@ -294,7 +314,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
   settings.start = start_of(o, tooth, settings.registration);
 
-  const auto device = open_device(o, [&] {
+  const auto device = open_device(o, signals, [&] {
     if (!o.hand.empty())
       return hand_along_world_path(read_trajectory(o.hand).samples, settings.registration,
                                    settings.start);
@@ -310,7 +330,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
                     "to render stably; --stiffness-n-per-mm sets it",
                     stiffness, limits.max_stiffness));
   settings.limits = limits_of(o, limits);
-  settings.buttons = {button_mask(o.pedal), button_mask(o.clutch)};
+  settings.buttons = {button_mask(o.pedal), button_mask(o.clutch), !o.ignore_safety_switch};
   settings.readings = readings_of(o, limits);
   settings.display_hz = o.display_hz;
   Workpiece workpiece(tooth);
@@ -340,15 +360,16 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
 void run_protocol(const Options& o, const Common& common, Signals& signals, Outputs& outputs) {
   outputs.begin();
   const Protocol protocol = parse_protocol(o.protocol);
-  const auto device = open_device(o, [&] { return hand_for(protocol); });
+  const auto device = open_device(o, signals, [&] { return hand_for(protocol); });
   for (const auto& note : device->limits().notes) warn(note);
   say(common,
       "active check: " + print_protocol(protocol) + "; hold the stylus lightly (rest: not at all)");
   const RecordedRun run = [&] {
     Talk talk;
     const LiveWatch watch = watch_for(o, common, signals, talk);
-    return run_active_check(*device, protocol, limits_of(o, device->limits()), watch, watch.note,
-                            record_target(o));
+    return run_active_check(*device, protocol, limits_of(o, device->limits()),
+                            readings_of(o, device->limits()), !o.ignore_safety_switch, watch,
+                            watch.note, record_target(o));
   }();
   signals.release();
   report(o, common, *device, run, nullptr);
@@ -385,6 +406,42 @@ bool run_to_the_end(const std::function<void()>& work) {
   return !driver_was_given_up();
 }
 
+// What keeps the hand safe; data/rig/README.md explains each.
+void add_limits(CLI::App& sub, const std::shared_ptr<Options>& o) {
+  sub.add_option("--force-limit-n", o->force_limit, "At most so much force (absent: the device's)")
+      ->check(CLI::Range(0.01, 100.0));
+  sub.add_option("--force-rate-n-per-s", o->force_rate, "At most so fast a change (3000)")
+      ->check(CLI::Range(1.0, 1e6));
+  or_infinity(sub.add_option("--vibration-limit-n", o->vibration_limit,
+                             "RMS above 20 Hz at which the force is switched off (1); inf: never"));
+  sub.add_option("--vibration-time-s", o->vibration_time, "After so long above it (0.05)")
+      ->check(CLI::Range(0.0, 10.0));
+  sub.add_option("--ramp-s", o->ramp,
+                 "The force comes in within this time, from the start and after every fault")
+      ->check(CLI::Range(0.01, 10.0))
+      ->capture_default_str();
+  sub.add_option("--heat-time-s", o->heat_time,
+                 "Time constant of the motors' heat, of which no data sheet speaks (10)")
+      ->check(CLI::Range(0.1, 1000.0));
+  sub.add_option("--stale-s", o->stale, "Without a tick of the servo for so long it ends")
+      ->check(CLI::Range(0.02, 10.0))
+      ->capture_default_str();
+  or_infinity(sub.add_option("--frozen-s", o->frozen,
+                             "A pose that is the same to the bit for so long, while the hand was "
+                             "moving, is rejected (0.25; inf: never, as with --device simulated)"))
+      ->check(CLI::Range(0.02, std::numeric_limits<double>::infinity()));
+  sub.add_flag("--ignore-safety-switch", o->ignore_safety_switch,
+               "Force also while nobody holds the stylus, by its switch: it doesn't feel a hand "
+               "in a glove");
+  sub.add_option("--driver-wait-s", o->driver_wait,
+                 "A driver that has not opened the device after so long is given up")
+      ->check(CLI::Range(0.1, 600.0))
+      ->capture_default_str();
+  sub.add_option("--speed-limit-mm-per-s", o->speed_limit,
+                 "A reading that is faster is rejected: no step, no force (2000)")
+      ->check(CLI::Range(10.0, 1e5));
+}
+
 }  // namespace
 
 void add_live(CLI::App& app, const Common& common) {
@@ -418,9 +475,6 @@ void add_live(CLI::App& app, const Common& common) {
                   "Simulated device: the hand's path in the tooth's frame (.toml, .csv or .h5)");
   sub->add_option("--mirror-hand", o->mirror_hand,
                   "Simulated device: a second one, along this path in its own frame");
-  sub->add_option("--speed-limit-mm-per-s", o->speed_limit,
-                  "A reading that is faster is rejected: no step, no force (2000)")
-      ->check(CLI::Range(10.0, 1e5));
   sub->add_option(
          "--pedal", o->pedal,
          "Button that starts the bur, once it was released: 1, 2, 3, 4; none: it runs as soon as "
@@ -431,13 +485,7 @@ void add_live(CLI::App& app, const Common& common) {
                   "Button that, while held, moves and turns the hand without the handle")
       ->check(CLI::IsMember({"none", "1", "2", "3", "4"}))
       ->capture_default_str();
-  sub->add_option("--force-limit-n", o->force_limit, "At most so much force (absent: the device's)")
-      ->check(CLI::Range(0.01, 100.0));
-  sub->add_option("--force-rate-n-per-s", o->force_rate, "At most so fast a change (3000)")
-      ->check(CLI::Range(1.0, 1e6));
-  or_infinity(
-      sub->add_option("--vibration-limit-n", o->vibration_limit,
-                      "RMS above 20 Hz at which the force is switched off (1); inf: never"));
+  add_limits(*sub, o);
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
   sub->add_option("--display-hz", o->display_hz,
                   "Keep the surface for a display up to date at this rate (0: not)")

@@ -13,6 +13,8 @@ import tempfile
 import time
 import unittest
 
+import h5py
+
 BINARY, LIBHD, LIMITS = (os.path.abspath(argument) for argument in sys.argv[1:4])
 BUR = "cylinder:D1.2xL3.0"
 HAND = """start_mm = [0, 2, -3.4]
@@ -204,6 +206,81 @@ class Live(unittest.TestCase):
             status, _, error = self.session("refused.h5", "--duration-s", "1", *args)
             self.assertEqual(status, 1, error)
             self.assertIn(words, error)
+
+    def test_implausible_numbers_are_refused_or_warned_of(self):
+        for args in (("--duration-s", "nan"), ("--duration-s", "0"), ("--ramp-s", "0"), ("--ramp-s", "nan"),
+                     ("--stale-s", "0.001"), ("--heat-time-s", "-1"), ("--vibration-time-s", "nan"), ("--frozen-s", "0"),
+                     ("--speed-limit-mm-per-s", "1"), ("--driver-wait-s", "0"), ("--driver-wait-s", "inf")):
+            status, _, error = self.session("refused.h5", *args)
+            self.assertEqual(status, 2, f"{args}: {error}")
+            self.assertIn(args[0], error)
+        for translation, expected, words in (("[0.003, 0, 0]", 0, "is it in metres?"), ("[1e300, 0, 0]", 1, "within metres"),
+                                             ("[20000, 0, 0]", 1, "within metres")):
+            with open(self.path("r.toml"), "w") as f:
+                f.write(f"translation_mm = {translation}\nfixed_axis = [0, 1, 0]\n")
+            status, _, error = self.session("far.h5", "--registration", "r.toml", "--hand", "hand.toml", "--duration-s", "0.5",
+                                            "--force")
+            self.assertEqual(status, expected, error)
+            self.assertIn(words, error)
+        self.assertFalse(os.path.exists(self.path("refused.h5")))
+
+    def test_limits_and_the_hand_at_the_start_are_recorded(self):
+        status, _, error = self.session("limits.h5", "--device", "openhaptics", "--duration-s", "1", "--ramp-s", "0.5",
+                                        "--stale-s", "0.2", "--vibration-limit-n", "2", "--vibration-time-s", "0.08",
+                                        "--heat-time-s", "20", "--speed-limit-mm-per-s", "1500", "--frozen-s", "inf",
+                                        "--ignore-safety-switch")
+        self.assertEqual(status, 0, error)
+        with h5py.File(self.path("limits.h5")) as f:
+            expected = {"force_ramp_s": 0.5, "force_fade_s": 0.05, "stale_limit_s": 0.2, "frozen_limit_s": float("inf"),
+                        "vibration_limit_n": 2, "vibration_time_s": 0.08, "heat_time_s": 20,
+                        "speed_limit_mm_per_s": 1500, "safety_switch": "ignored"}
+            self.assertEqual({name: f.attrs[name] for name in expected}, expected)
+            hand = f["/device/position"][0]
+            self.assertEqual(list(f.attrs["registration_hand_position_mm"]), list(hand))
+            self.assertEqual(list(f.attrs["registration_hand_orientation"]), list(f["/device/orientation"][0]))
+            laid = f.attrs["registration_position_mm"] + hand - f["/handle/position"][0]
+            self.assertLess(abs(laid).max(), 1e-12)
+
+    def test_a_driver_that_hangs_while_it_opens_is_given_up_and_ctrl_c_is_heard(self):
+        hangs = '[[fault]]\nwhat = "hanging-open"\n'
+        status, _, error = self.session("hangs.h5", "--device", "openhaptics", "--driver-wait-s", "0.5", settings=hangs)
+        self.assertEqual(status, 1, error)
+        self.assertIn("the driver hangs: for 0.5 s it has not come back while it opens the device", error)
+        process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "hangs.h5", "--device", "openhaptics",
+                             settings=hangs)
+        time.sleep(1.5)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=5)
+        self.assertEqual(process.returncode, 1, error)
+        self.assertIn("asked to stop while the driver opens the device", error)
+        self.assertFalse(os.path.exists(self.path("hangs.h5")))
+
+    def test_a_check_of_the_device_is_as_safe_as_a_session(self):
+        status, _, error = self.run_tool("live", "--device", "openhaptics", "--protocol",
+                                         "stiffness-sweep 0.2..0.4 N/mm in 2 steps of 0.5 s", "-o", "sweep.h5", settings=
+                                         '[[fault]]\nwhat = "pose-jump"\nat_tick = 1300\noffset_mm = [0, 15, 0]\n'
+                                         '[[fault]]\nwhat = "let-go"\nat_tick = 1700\nticks = 50\n')
+        self.assertEqual(status, 0, error)
+        self.assertIn("jumped as no hand does", error)
+        self.assertIn("nobody holds the stylus", error)
+        with h5py.File(self.path("sweep.h5")) as f:
+            rejected, flags = f["/reading_rejected"][:] != 0, f["/servo/flags"][:]
+            force = abs(f["/servo/force_commanded"][:]).max(axis=1)
+        self.assertEqual(rejected.sum(), 1)
+        self.assertEqual(force[rejected | (flags & 1024 != 0)].max(), 0)
+        self.assertGreater(force.max(), 0.05)
+
+    def test_many_signals_in_quick_succession_end_it_in_order(self):
+        for gap in (0, 0.005, 0.03, 0.06, 0.09):
+            process = self.start("live", "--tooth", "block.vdb", "--bur", BUR, "-o", "signals.h5", "--force", "--prepared",
+                                 "signals.vdb")
+            time.sleep(1.5)
+            for number in (signal.SIGINT, signal.SIGINT, signal.SIGTERM):
+                process.send_signal(number)
+                time.sleep(gap)
+            _, error = process.communicate(timeout=20)
+            self.assertEqual(process.returncode, 0, error)
+            self.assertIn("asked to stop", error)
 
     def test_ctrl_c_and_termination_end_it_in_order(self):
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -42,6 +42,18 @@ TEST(Servo, HoldsTheLastGoodReadingAndSendsZeroForABadOne) {
   EXPECT_EQ(servo.status().last_fault, DeviceFault::kBadReading);
 }
 
+TEST(Servo, ThatWasAbandonedCallsItsClientNoMoreEvenIfItIsOpenedAgain) {
+  Servo servo(5, 1e-3, 0);
+  Recorder client(Vec3(1, 0, 0));
+  servo.open(client);
+  EXPECT_EQ(servo.begin_tick(0, {}, nullptr, DeviceFault::kNone), client.force);
+  servo.abandon(1);
+  EXPECT_EQ(servo.begin_tick(1e-3, {}, nullptr, DeviceFault::kNone), Vec3::Zero());
+  servo.open(client);
+  EXPECT_EQ(servo.begin_tick(2e-3, {}, nullptr, DeviceFault::kNone), Vec3::Zero());
+  EXPECT_EQ(client.readings.size(), 1u);
+}
+
 TEST(Servo, AFaultFoundBetweenTicksActsOnTheNextOneAndIsCountedOnce) {
   Servo servo(5, 1e-3, 0);
   Recorder client(Vec3(1, 0, 0));

@@ -1,11 +1,28 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
 #include <limits>
+#include <new>
+#include <thread>
 
 #include "../../support/allocation_counter.h"
 #include "recording_cases.h"
 #include "toothprep/tools/files/session_recorder.h"
+
+namespace {
+std::atomic<bool> no_memory = false;  // for operator new, of every thread
+}
+
+void* operator new(std::size_t size) {
+  void* const place = no_memory ? nullptr : std::malloc(size);
+  if (place == nullptr) throw std::bad_alloc();
+  return place;
+}
+void operator delete(void* place) noexcept { std::free(place); }
+void operator delete(void* place, std::size_t) noexcept { std::free(place); }
 
 namespace toothprep {
 namespace {
@@ -27,6 +44,27 @@ TEST(SessionRecorder, PushAllocatesNothing) {
   }
   EXPECT_EQ(fewest, 0);
   EXPECT_GT(recorder.dropped(), 0);
+}
+
+TEST(SessionRecorder, WithoutMemoryStopsTheRecordingAndNotTheProgram) {
+  const testing::ScratchFile file("no_memory");
+  SessionRecorder recorder(file.path, testing::synthetic_header(), {8192, 0.05});
+  LiveTick tick = testing::synthetic_tick(0);
+  const auto push = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      tick.row.handle.time += testing::kStep;
+      recorder.push(tick);
+    }
+  };
+  push(100);
+  while (recorder.rows() < 100) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  no_memory = true;
+  push(8000);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // the recorder looks every 50 ms
+  no_memory = false;
+  ASSERT_TRUE(recorder.failure());
+  EXPECT_NE(recorder.failure()->find("Its first 100 rows can be read"), std::string::npos)
+      << *recorder.failure();
 }
 
 }  // namespace

@@ -68,6 +68,10 @@ void expect_same_header(const SessionHeader& a, const SessionHeader& b) {
   EXPECT_EQ(a.limit_notes, b.limit_notes);
   EXPECT_EQ(a.force_limit_n, b.force_limit_n);
   EXPECT_EQ(a.force_rate_limit_n_per_s, b.force_rate_limit_n_per_s);
+  ASSERT_EQ(a.safety.has_value(), b.safety.has_value());
+  for (const SafetyAttribute& limit : kSafetyAttributes)
+    EXPECT_EQ((*a.safety).*limit.value, (*b.safety).*limit.value) << limit.name;
+  EXPECT_EQ(a.safety_switch, b.safety_switch);
   EXPECT_EQ(a.registration.position, b.registration.position);
   EXPECT_EQ(a.registration.orientation.coeffs(), b.registration.orientation.coeffs());
   EXPECT_EQ(a.protocol, b.protocol);
@@ -130,6 +134,28 @@ TEST(SessionFile, ARecordingIsATraceAndATrajectory) {
   EXPECT_TRUE(is_trace_file(file.path));
   EXPECT_EQ(read_trace(file.path).rows.size(), static_cast<std::size_t>(kRows));
   EXPECT_EQ(read_h5_trajectory(file.path).samples.size(), static_cast<std::size_t>(kRows));
+}
+
+TEST(SessionFile, ARegistrationLaidAtTheStartFollowsFromTheFirstRow) {
+  const ScratchFile file("laid");
+  SessionHeader header = synthetic_header();
+  header.laid_at_start = true;
+  const LiveTick first = synthetic_tick(0);
+  {
+    SessionRecorder recorder(file.path, header);
+    for (int i = 0; i < 20; ++i) recorder.push(synthetic_tick(i));
+    recorder.finish({});
+  }
+  const SessionRecording r = read_session(file.path);
+  EXPECT_FALSE(r.header.laid_at_start);
+  ASSERT_TRUE(r.header.registration_hand);
+  EXPECT_EQ(r.header.registration_hand->position, first.device_position);
+  EXPECT_EQ(r.header.registration_hand->orientation.coeffs(), first.device_orientation.coeffs());
+  // x_W = R x_D + t
+  EXPECT_LT((r.header.registration.orientation * first.device_position +
+             r.header.registration.position - first.row.handle.pose.position)
+                .norm(),
+            1e-12);
 }
 
 TEST(SessionFile, ATraceIsNoRecording) {

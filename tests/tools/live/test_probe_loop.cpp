@@ -90,6 +90,64 @@ TEST(ProbeLoop, TheCouplingStaysQuietAtThatDampingAndAt9000) {
   }
 }
 
+DeviceReading reading_at(std::int64_t tick, const Vec3& place) {
+  DeviceReading r;
+  r.tick = tick;
+  r.time = kPeriod * static_cast<double>(tick);
+  r.hand.position = place;
+  return r;
+}
+
+TEST(ProbeLoop, AReadingFarAwayGetsNoForceAndTheLawDoesNotSeeIt) {
+  Rows rows;
+  double farthest = 0;
+  ProbeLoop loop(
+      no_watch(),
+      [&](double, const Vec3& place, const Vec3&) {
+        farthest = std::max(farthest, place.norm());
+        return Vec3(-2 * place);
+      },
+      &rows);
+  const Vec3 place(0.5, 0, 0);
+  for (int n = 0; n < 500; ++n) loop.tick(reading_at(n, place));
+  EXPECT_EQ(loop.tick(reading_at(500, Vec3(20, 0, 0))), Vec3(Vec3::Zero()));
+  EXPECT_EQ(farthest, 0.5);
+  EXPECT_LT(loop.tick(reading_at(501, place)).norm(), 0.01) << "it is ramped in";
+  EXPECT_TRUE(rows.ticks[500].row.handle.rejected);
+  EXPECT_TRUE(rows.ticks[500].flags & kReadingRejected);
+}
+
+TEST(ProbeLoop, AStylusThatNobodyHoldsGetsNoForce) {
+  ProbeLoop loop(
+      no_watch(), [](double, const Vec3&, const Vec3&) { return Vec3(0, 1, 0); }, nullptr);
+  for (int n = 0; n < 500; ++n) {
+    DeviceReading r = reading_at(n, Vec3::Zero());
+    r.hand.safety_switch = n < 400;
+    const Vec3 force = loop.tick(r);
+    if (n == 399) {
+      EXPECT_EQ(force, Vec3(0, 1, 0));
+    } else if (n >= 400) {
+      EXPECT_EQ(force, Vec3(Vec3::Zero()));
+    }
+  }
+}
+
+TEST(ProbeLoop, ItsForceIsRampedOutOnRequest) {
+  ProbeLoop loop(
+      no_watch(), [](double, const Vec3&, const Vec3&) { return Vec3(0, 1, 0); }, nullptr);
+  int n = 0;
+  for (; n < 400; ++n) loop.tick(reading_at(n, Vec3::Zero()));
+  loop.fade_out(true);
+  double last = 1;
+  for (; !loop.status().faded && n < 500; ++n) {
+    const double force = loop.tick(reading_at(n, Vec3::Zero())).norm();
+    EXPECT_LT(last - force, 0.03);
+    last = force;
+  }
+  EXPECT_EQ(last, 0);
+  EXPECT_NEAR(n, 450, 3);
+}
+
 TEST(ProbeLoop, RecordsThePlaceAndTheForceOfItsLaw) {
   const Probe p = probe([](double time, const Vec3&, const Vec3&) { return Vec3(0, time, 0); });
   ASSERT_EQ(p.rows.ticks.size(), 4000u);

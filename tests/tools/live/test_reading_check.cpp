@@ -81,6 +81,58 @@ TEST_F(Readings, ThatStayElsewhereAreNeverBelievedAndTheHandIsLostAfterATenthOfA
   }
 }
 
+TEST_F(Readings, ThatAreRightAgainLeaveAHandThatMovedOnTimeToComeBack) {
+  for (const bool finite : {true, false}) {
+    check_ = ReadingCheck{ReadingLimits{}};
+    EXPECT_EQ(good(0, 1000), 0);
+    for (int i = 1000; i < 1040; ++i) {
+      DeviceReading wrong = reading(i);
+      wrong.hand.position.y() += 20;
+      if (!finite) wrong.hand = reading(999).hand, wrong.fault = DeviceFault::kBadReading;
+      EXPECT_EQ(judge(wrong), finite ? F::kJump : F::kNotFinite);
+    }
+    for (int i = 1040; i < 3000; ++i) {
+      DeviceReading moved_on = reading(i);
+      moved_on.hand.position.y() += 12;
+      EXPECT_EQ(judge(moved_on), F::kGap) << i;
+    }
+    EXPECT_FALSE(check_.lost());
+    DeviceReading back = reading(3000);
+    back.hand = reading(1000).hand;
+    EXPECT_EQ(judge(back), F::kNone);
+  }
+}
+
+TEST_F(Readings, ThatJumpAndJumpLoseTheHandAfterATenthOfASecond) {
+  EXPECT_EQ(good(0, 1000), 0);
+  int last = 1000;
+  for (; last < 3000 && !check_.lost(); ++last) {
+    DeviceReading wrong = reading(last);
+    wrong.hand.position.y() += last % 2 ? 20 : -20;
+    EXPECT_NE(judge(wrong), F::kNone);
+  }
+  EXPECT_NEAR(last, 1100, 5);
+}
+
+TEST_F(Readings, OfAHandThatMovedDuringAPauseLeaveItTimeToComeBack) {
+  EXPECT_EQ(good(0, 1000), 0);
+  for (int i = 1000; i < 6000; ++i) {
+    DeviceReading moved_on = reading(i);
+    moved_on.time += i < 3000 ? 0.115 : 0.3;  // and another pause
+    moved_on.hand.position.y() += i < 3000 ? 12 : 20;
+    EXPECT_EQ(judge(moved_on), F::kGap) << i;
+  }
+  EXPECT_FALSE(check_.lost());
+}
+
+TEST_F(Readings, AfterALateOneMayBeAsOldAsThat) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading late = reading(1000);
+  late.time += 0.04;  // what it read before the pause
+  EXPECT_EQ(judge(late), F::kNone);
+  EXPECT_EQ(judge(reading(1041)), F::kNone);
+}
+
 TEST_F(Readings, OfAnOrientationThatJumpsAreRejected) {
   EXPECT_EQ(good(0, 1000), 0);
   DeviceReading r = reading(1000);

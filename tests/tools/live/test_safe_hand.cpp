@@ -51,6 +51,7 @@ class Hand {
   }
   void pause(double seconds) { time_ += seconds; }
   void press(std::uint32_t buttons) { buttons_ = buttons; }
+  void hold(bool held) { switch_ = held; }
   double removed() { return session_->totals().removed[0]; }
   const std::vector<LiveTick>& rows() {
     loop_.finish();
@@ -70,6 +71,7 @@ class Hand {
     r.hand.position = position;
     r.hand.orientation = orientation_;
     r.hand.buttons = buttons_;
+    r.hand.safety_switch = switch_;
     return r;
   }
 
@@ -78,6 +80,7 @@ class Hand {
   Vec3 position_, force_ = Vec3::Zero();
   Quat orientation_ = orientation_of_axis(Vec3(0, 1, 0));
   std::uint32_t buttons_ = 0;
+  std::optional<bool> switch_;
   std::int64_t tick_ = 0;
   double time_ = 0, steepest_ = 0;
   LayeredTooth tooth_ = enamel_block();
@@ -196,6 +199,36 @@ TEST(Clutch, HoldsThePoseAndFadesTheForce) {
   hand.press(0);
   hand.rest(1);
   EXPECT_LT(hand.force().norm(), 0.05) << "it is ramped in";
+}
+
+TEST(SafetySwitch, OfAStylusThatNobodyHoldsTakesTheForceAtOnceAndCutsNothing) {
+  Hand hand;
+  hand.hold(true);
+  into_the_cut(hand);
+  const double removed = hand.removed();
+  hand.hold(false);
+  EXPECT_EQ(hand.tick(hand.position()), Vec3(Vec3::Zero()));
+  EXPECT_TRUE(hand.loop().status().let_go);
+  hand.move(Vec3(-2.5, -2, 0), 20);  // it falls into the tooth
+  EXPECT_EQ(hand.force(), Vec3(Vec3::Zero()));
+  EXPECT_EQ(hand.removed(), removed);
+  hand.hold(true);
+  hand.rest(1);
+  EXPECT_LT(hand.force().norm(), 0.05) << "it is ramped in";
+  hand.rest(1000);
+  EXPECT_EQ(hand.removed(), removed) << "the motor waits until the bur was clear of the tooth";
+  const auto& rows = hand.rows();
+  const auto open = std::count_if(rows.begin(), rows.end(),
+                                  [](const LiveTick& t) { return t.flags & kSwitchOpen; });
+  EXPECT_NEAR(static_cast<double>(open), 1 + 35, 1) << "steps of the last move are rounded up";
+}
+
+TEST(SafetySwitch, ThatIsIgnoredIsRecordedOnly) {
+  Hand hand({0, 0, false});
+  hand.hold(false);
+  into_the_cut(hand);
+  EXPECT_GT(hand.force().norm(), 0.1);
+  EXPECT_TRUE(hand.rows().back().flags & kSwitchOpen);
 }
 
 TEST(Force, IsRampedOutOnRequestWithoutAKick) {

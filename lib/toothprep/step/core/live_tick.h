@@ -22,6 +22,8 @@ enum LiveFlag : std::uint32_t {
   kHandleHeld = 64,        // the clutch: the handle did not follow the hand
   kReadingRejected = 128,  // the reading can't be believed: zero force, no step
   kMotorLocked = 256,      // the motor waits for a safe start: see LiveLoop
+  kSwitchHeld = 512,       // the device has a safety switch, and the hand holds it
+  kSwitchOpen = 1024,      // it has one, and the hand doesn't
 };
 
 struct LiveTick {  // a tick of a live session, with the step that it made

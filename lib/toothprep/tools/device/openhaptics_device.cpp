@@ -6,8 +6,10 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <condition_variable>
+#include <exception>
 #include <functional>
-#include <future>
+#include <mutex>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -22,8 +24,8 @@ namespace {
 
 using namespace hdapi;
 
-constexpr unsigned kCalibrationEvery = 50;             // ticks
-constexpr auto kDriverTime = std::chrono::seconds(2);  // for stopping, and for closing
+constexpr unsigned kCalibrationEvery = 50;  // ticks
+constexpr double kClientTime = 0.05;        // s, for a client's tick when its driver is given up
 constexpr int kMostErrors = 16;  // popped at once: a driver that never runs dry can't hold us
 
 // What is assumed when a device doesn't say: the weakest and smallest of the family, so that no
@@ -365,6 +367,11 @@ class OpenHapticsDevice final : public HapticDevice {
   }
 
   bool in_tick_on_this_thread() const noexcept { return servo_->in_tick_on_this_thread(); }
+  // The client isn't called any more, although the driver hangs and its servo may go on.
+  void abandon() noexcept {
+    servo_->ask_to_close();
+    servo_->abandon(kClientTime);
+  }
 
   void stop() noexcept override {
     if (!started_) return;
@@ -499,31 +506,113 @@ class OpenHapticsDevice final : public HapticDevice {
 
 std::atomic<bool> given_up = false;
 
-// Runs what calls the driver on a thread of its own. False if it hasn't come back in time; it may
-// still do so.
-bool in_time(const std::function<void()>& work) noexcept {
-  try {
-    std::packaged_task<void()> task(work);
-    const std::future<void> done = task.get_future();
-    std::thread thread(std::move(task));
-    const bool came_back = done.wait_for(kDriverTime) == std::future_status::ready;
-    came_back ? thread.join() : thread.detach();
-    return came_back;
-  } catch (const std::exception&) {  // no thread to be had
-    work();
+// The one thread that opens, starts, stops and closes the device, so that a driver that hangs in it
+// doesn't hang the program.
+class DriverThread {
+ public:
+  explicit DriverThread(const std::function<bool()>& stop_asked) : stop_asked_(stop_asked) {}
+  ~DriverThread() {
+    if (hangs_) {
+      thread_.detach();
+    } else {
+      shared_->ask([&] { shared_->leave = true; });
+      thread_.join();
+    }
+  }
+  DriverThread(const DriverThread&) = delete;
+  DriverThread& operator=(const DriverThread&) = delete;
+
+  // Runs `work` there; what it throws is thrown here. False if it hasn't come back after so many
+  // seconds, or when the program was asked to stop: then the thread is left to the driver, with
+  // whatever it uses, and nothing can be run any more.
+  bool run(std::function<void()> work, double seconds, bool until_stop_asked = false) {
+    if (hangs_) return false;
+    const double deadline = monotonic_time() + seconds;
+    shared_->ask([&] {
+      shared_->work = std::move(work);
+      shared_->busy = true;
+    });
+    while (!shared_->wait()) {
+      const bool asked = until_stop_asked && stop_asked_ && stop_asked_();
+      if (!asked && monotonic_time() < deadline) continue;
+      stopped_ = asked;
+      hangs_ = given_up = true;
+      return false;
+    }
+    if (shared_->error) std::rethrow_exception(std::exchange(shared_->error, nullptr));
     return true;
   }
-}
+  bool hangs() const noexcept { return hangs_; }
 
-// A driver that hangs must not hang the program: what stops and closes the device is waited for
-// only so long. After that the driver is left alone, with its memory.
+  // Why a call of run() was false.
+  std::string reason(const char* doing, double seconds) const {
+    if (stopped_) return fmt::format("openhaptics: asked to stop while the driver {}", doing);
+    return fmt::format(
+        "openhaptics: the driver hangs: for {:g} s it has not come back while it {}; switch the "
+        "device off and on, close other programs that use it, and try again",
+        seconds, doing);
+  }
+
+ private:
+  struct Shared {  // the thread may outlive the device
+    std::mutex mutex;
+    std::condition_variable changed;
+    std::function<void()> work;
+    std::exception_ptr error;
+    bool busy = false, leave = false;
+
+    template <class Change>
+    void ask(const Change& change) {
+      const std::lock_guard lock(mutex);
+      change();
+      changed.notify_all();
+    }
+    bool wait() {  // for a moment; whether it is done
+      std::unique_lock lock(mutex);
+      return changed.wait_for(lock, std::chrono::milliseconds(20), [this] { return !busy; });
+    }
+    void run() {
+      std::unique_lock lock(mutex);
+      for (;;) {
+        changed.wait(lock, [this] { return busy || leave; });
+        if (leave) return;
+        lock.unlock();
+        std::exception_ptr thrown;
+        try {
+          work();
+        } catch (...) {
+          thrown = std::current_exception();
+        }
+        lock.lock();
+        error = thrown;
+        busy = false;
+        changed.notify_all();
+      }
+    }
+  };
+
+  std::function<bool()> stop_asked_;
+  std::shared_ptr<Shared> shared_ = std::make_shared<Shared>();
+  std::thread thread_{[shared = shared_] { shared->run(); }};
+  std::atomic<bool> hangs_ = false;
+  bool stopped_ = false;
+};
+
+// A driver that hangs must not hang the program: opening, starting, stopping and closing are waited
+// for only so long. After that the driver is left alone, with its memory.
 class BoundedDevice final : public HapticDevice {
  public:
   explicit BoundedDevice(const OpenHapticsSettings& settings)
-      : device_(new OpenHapticsDevice(settings)) {}
+      : settings_(settings), driver_(settings.stop_asked) {
+    const auto opened = std::make_shared<OpenHapticsDevice*>(nullptr);
+    if (!driver_.run([opened, settings] { *opened = new OpenHapticsDevice(settings); },
+                     settings.open_wait, true))
+      throw Error(driver_.reason("opens the device", settings.open_wait));
+    device_ = *opened;
+  }
   ~BoundedDevice() override {
     BoundedDevice::stop();
-    if (!hangs_ && !in_time([device = device_] { delete device; })) given_up = true;
+    bounded([device = device_] { delete device; });
   }
 
   const DeviceIdentity& identity() const noexcept override { return device_->identity(); }
@@ -531,29 +620,49 @@ class BoundedDevice final : public HapticDevice {
     return device_->mirror_identity();
   }
   const DeviceLimits& limits() const noexcept override { return device_->limits(); }
-  Calibration calibration() override { return device_->calibration(); }
-  void start(ServoClient& client) override { device_->start(client); }
+
+  Calibration calibration() override {
+    const auto calibration = std::make_shared<Calibration>();
+    if (!driver_.run([calibration, device = device_] { *calibration = device->calibration(); },
+                     settings_.start_wait, true))
+      throw Error(driver_.reason("looks at the calibration", settings_.start_wait));
+    return *calibration;
+  }
+
+  void start(ServoClient& client) override {
+    if (driver_.run([&client, device = device_] { device->start(client); }, settings_.start_wait,
+                    true))
+      return;
+    device_->abandon();
+    throw Error(driver_.reason("starts its servo", settings_.start_wait));
+  }
 
   void stop() noexcept override {
-    if (hangs_) return;
     if (device_->in_tick_on_this_thread()) return device_->stop();
-    hangs_ = !in_time([device = device_] { device->stop(); });
-    if (hangs_) given_up = true;
+    bounded([device = device_] { device->stop(); });
   }
 
   void zero_force_soon() noexcept override { device_->zero_force_soon(); }
 
   DeviceStatus status() const noexcept override {
     DeviceStatus status = device_->status();
-    if (!hangs_) return status;
+    if (!driver_.hangs()) return status;
     status.state = ServoState::kFaulted;
     status.last_fault = DeviceFault::kHangs;
     return status;
   }
 
  private:
-  OpenHapticsDevice* device_;  // deleted in time, or left to the driver
-  bool hangs_ = false;
+  void bounded(const std::function<void()>& work) noexcept {
+    try {
+      if (!driver_.run(work, settings_.stop_wait)) device_->abandon();
+    } catch (const std::exception&) {  // neither throws
+    }
+  }
+
+  OpenHapticsSettings settings_;
+  DriverThread driver_;
+  OpenHapticsDevice* device_ = nullptr;  // deleted in time, or left to the driver
 };
 
 }  // namespace

@@ -77,7 +77,7 @@ Vec3 Servo::begin_tick(double time, const DevicePose& hand, const DevicePose* mi
   any_reading_ = any_reading_ || garbled == DeviceFault::kNone;
   if (fault != reported) record(fault);
 
-  closing_in_this_tick_ = closing_;
+  closing_in_this_tick_ = closing_ || abandoned_;
   recovering_ = false;
   Vec3 force = Vec3::Zero();
   if (state_ == ServoState::kRunning && !closing_in_this_tick_ && any_reading_) {
@@ -116,11 +116,13 @@ Vec3 Servo::begin_tick(double time, const DevicePose& hand, const DevicePose* mi
 Vec3 Servo::client_force(const DeviceReading& reading, DeviceFault& fault) noexcept {
   Vec3 force = Vec3::Zero();
   const Servo* const outer = std::exchange(ticking, this);
+  in_client_ = true;  // before the look at abandoned_: see abandon()
   try {
-    force = client_->tick(reading);
+    if (!abandoned_) force = client_->tick(reading);
   } catch (...) {
     fault = worse_of(fault, DeviceFault::kClient);
   }
+  in_client_ = false;
   ticking = outer;
   if (!force.allFinite()) {
     fault = worse_of(fault, DeviceFault::kBadForce);
@@ -164,6 +166,12 @@ void Servo::record(DeviceFault fault) noexcept {
 void Servo::closed() noexcept {
   force_x_ = force_y_ = force_z_ = 0;
   state_ = ServoState::kStopped;
+}
+
+void Servo::abandon(double longest) noexcept {
+  abandoned_ = true;
+  const double deadline = monotonic_time() + longest;
+  while (in_client_ && monotonic_time() < deadline) sleep_until(monotonic_time() + 1e-4);
 }
 
 bool Servo::in_tick_on_this_thread() const noexcept { return ticking == this; }

@@ -41,6 +41,9 @@ class Servo {  // one per device; a back end owns it
   bool sent_zero() const noexcept { return sent_zero_; }
   // Once there are no more ticks and the motors are off.
   void closed() noexcept;
+  // For good, when the driver was given up: the client isn't called any more, and when this returns
+  // no call of it goes on (or it has gone on for `longest` s).
+  void abandon(double longest) noexcept;
 
   bool running() const noexcept { return state_ == ServoState::kRunning; }  // after open()
   // Whether a ramp begins with this tick, so that the driver can be made to allow forces again.
@@ -65,7 +68,7 @@ class Servo {  // one per device; a back end owns it
 
   // Read by other threads.
   std::atomic<ServoState> state_ = ServoState::kIdle;
-  std::atomic<bool> closing_ = false, sent_zero_ = false;
+  std::atomic<bool> closing_ = false, sent_zero_ = false, abandoned_ = false, in_client_ = false;
   std::atomic<std::int64_t> ticks_ = 0, faults_ = 0, clamped_ = 0, missed_ = 0;
   std::atomic<double> time_ = 0, ended_ = 0, force_x_ = 0, force_y_ = 0, force_z_ = 0;
   std::atomic<DeviceFault> last_fault_ = DeviceFault::kNone;

@@ -219,10 +219,12 @@ void GrowingWriter::set_text(const char* name, const std::string& value) {
   check(H5Awrite(made.get(), type.get(), &characters));
 }
 
-void GrowingWriter::set_number(const char* name, double value) {
+void GrowingWriter::set_number(const char* name, double value) { set_numbers(name, {value}); }
+
+void GrowingWriter::set_numbers(const char* name, const std::vector<double>& values) {
   const Handle made(H5Aopen(file_.get(), name, H5P_DEFAULT), H5Aclose);
   check(made.get());
-  check(H5Awrite(made.get(), H5T_NATIVE_DOUBLE, &value));
+  check(H5Awrite(made.get(), H5T_NATIVE_DOUBLE, values.data()));
 }
 
 void GrowingWriter::close() {

@@ -72,6 +72,7 @@ class GrowingWriter : public Writer {
   // Attributes that are there already: nothing can be added after start().
   void set_text(const char* name, const std::string& value);
   void set_number(const char* name, double value);
+  void set_numbers(const char* name, const std::vector<double>& values);
 
   void close();
 

@@ -22,4 +22,19 @@ struct SessionColumn {
 
 const std::vector<SessionColumn>& session_columns();
 
+// Root attributes of the session's limits.
+struct SafetyAttribute {
+  const char* name;
+  double SafetyLimits::*value;
+};
+inline constexpr SafetyAttribute kSafetyAttributes[] = {
+    {"force_ramp_s", &SafetyLimits::force_ramp},
+    {"force_fade_s", &SafetyLimits::force_fade},
+    {"stale_limit_s", &SafetyLimits::stale},
+    {"frozen_limit_s", &SafetyLimits::frozen},
+    {"vibration_limit_n", &SafetyLimits::vibration_force},
+    {"vibration_time_s", &SafetyLimits::vibration_time},
+    {"heat_time_s", &SafetyLimits::heat_time},
+    {"speed_limit_mm_per_s", &SafetyLimits::speed}};
+
 }  // namespace toothprep

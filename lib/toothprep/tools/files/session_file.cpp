@@ -42,10 +42,22 @@ void read_header(const h5::Reader& in, SessionHeader& header) {
   }
   header.force_limit_n = number(in, "force_limit_n");
   header.force_rate_limit_n_per_s = number(in, "force_rate_limit_n_per_s");
+  if (in.number(kSafetyAttributes[0].name)) {
+    SafetyLimits& limits = header.safety.emplace();
+    for (const SafetyAttribute& a : kSafetyAttributes) limits.*a.value = number(in, a.name);
+  }
+  header.safety_switch = text(in, "safety_switch");
   header.registration.position = point(in, "registration_position_mm");
+  header.laid_at_start = !header.registration.position.allFinite();
+  if (header.laid_at_start) header.registration.position.setZero();
   if (const auto q = in.numbers("registration_orientation", 4))
     header.registration.orientation =
         in.quaternion("attribute registration_orientation", 0, q->data());
+  const auto hand = in.numbers("registration_hand_orientation", 4);
+  const Vec3 at = point(in, "registration_hand_position_mm");
+  if (hand && at.allFinite())
+    header.registration_hand = {
+        at, in.quaternion("attribute registration_hand_orientation", 0, hand->data())};
   header.protocol = text(in, "protocol");
   header.pedal = text(in, "pedal");
   header.host = text(in, "host");

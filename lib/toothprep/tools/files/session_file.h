@@ -19,11 +19,13 @@
 //   /mirror/position, /mirror/orientation, /mirror/buttons: the same of a second device
 //
 // and root attributes: live = 1, complete (0 until it was closed), device_* (identity and limits),
-// registration_* (D to W), dropped_ticks, end_reason.
+// the session's limits, registration_* (D to W, and where the hand was then: not a number before the
+// first row), dropped_ticks, end_reason.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,6 +34,15 @@
 #include "toothprep/tools/io/read_policy.h"
 
 namespace toothprep {
+
+// What a session was watched by; data/rig/README.md says what each does.
+struct SafetyLimits {
+  double force_ramp = 0, force_fade = 0;           // s, in and out
+  double stale = 0, frozen = 0;                    // s, without a tick; of the same pose
+  double vibration_force = 0, vibration_time = 0;  // N, s
+  double heat_time = 0;                            // s
+  double speed = 0;                                // mm/s
+};
 
 // What a session knows before its first tick. Limits in the units of haptic_device.h.
 struct SessionHeader {
@@ -45,7 +56,13 @@ struct SessionHeader {
   Vec3 workspace_min = Vec3::Zero(), workspace_max = Vec3::Zero();  // mm, D
   std::vector<std::string> limit_notes;                             // as DeviceLimits::notes
   double force_limit_n = 0, force_rate_limit_n_per_s = 0;           // the session's own
+  std::optional<SafetyLimits> safety;                               // absent: of version 0.1
+  std::string safety_switch;                                        // "used", "ignored"
   Pose registration;                                                // D to W; of the start
+  // The registration's position was laid so that the hand starts at a given place: it follows from
+  // the first row, and before that it isn't known (then it reads as zero).
+  bool laid_at_start = false;
+  std::optional<Pose> registration_hand;  // D: in the first row; read only
   std::string protocol;  // of an active check: "rest", "step", ...; empty: a free session
   std::string pedal;     // which button starts the bur: "1", "2", "none"
   std::string host;      // machine, kernel, scheduling: a line

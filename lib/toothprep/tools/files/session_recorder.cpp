@@ -10,9 +10,11 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
@@ -26,6 +28,7 @@ namespace {
 constexpr std::chrono::milliseconds kPoll{50};
 
 std::vector<double> list(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+std::vector<double> list(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
 
 void write_head(h5::Writer& out, const SessionHeader& header) {
   const double not_yet = std::numeric_limits<double>::quiet_NaN();
@@ -64,9 +67,16 @@ void write_head(h5::Writer& out, const SessionHeader& header) {
   out.text("device_limit_notes", notes);
   out.number("force_limit_n", header.force_limit_n);
   out.number("force_rate_limit_n_per_s", header.force_rate_limit_n_per_s);
-  const Quat& q = header.registration.orientation;
-  out.numbers("registration_position_mm", list(header.registration.position));
-  out.numbers("registration_orientation", {q.x(), q.y(), q.z(), q.w()});
+  if (header.safety)
+    for (const SafetyAttribute& a : kSafetyAttributes)
+      out.number(a.name, (*header.safety).*a.value);
+  out.text("safety_switch", header.safety_switch);
+  out.numbers("registration_position_mm", header.laid_at_start
+                                              ? std::vector<double>(3, not_yet)
+                                              : list(header.registration.position));
+  out.numbers("registration_orientation", list(header.registration.orientation));
+  out.numbers("registration_hand_position_mm", std::vector<double>(3, not_yet));
+  out.numbers("registration_hand_orientation", {0, 0, 0, 1});
   out.text("protocol", header.protocol);
   out.text("pedal", header.pedal);
   out.text("host", header.host);
@@ -94,7 +104,8 @@ bool is_quaternion(const char* dataset) { return std::strstr(dataset, "orientati
 // The file and the rows that aren't in it yet.
 class SessionRecorder::File {
  public:
-  File(const std::string& path, const SessionHeader& header) : out_(path) {
+  File(const std::string& path, const SessionHeader& header)
+      : out_(path), rotation_(header.registration.orientation), laid_(header.laid_at_start) {
     write_head(out_, header);
     for (const char* group : {"/servo", "/device"}) out_.group(group);
     if (!header.mirror_model.empty()) out_.group("/mirror");
@@ -134,6 +145,7 @@ class SessionRecorder::File {
       good = make_readable(v, c.width, c.quaternion) && good;
     }
     if (!good) values_[flags_][0] = tick.flags | kForceNotFinite;
+    if (!began_) began_ = tick;
     for (std::size_t i = 0; i < columns_.size(); ++i)
       columns_[i].waiting.insert(columns_[i].waiting.end(), values_[i].begin(),
                                  values_[i].begin() + columns_[i].width);
@@ -146,6 +158,7 @@ class SessionRecorder::File {
   void write() {
     const auto lock = h5::lock_hdf5();
     const h5::Quiet quiet;
+    if (began_ && !registered_) write_registration(*began_);
     for (Column& c : columns_) {
       out_.append(c.index, c.waiting);
       c.waiting.clear();
@@ -180,6 +193,16 @@ class SessionRecorder::File {
   }
 
  private:
+  // Where the hand was when its frame was laid.
+  void write_registration(const LiveTick& first) {
+    registered_ = true;
+    if (laid_)
+      out_.set_numbers("registration_position_mm",
+                       list(first.row.handle.pose.position - rotation_ * first.device_position));
+    out_.set_numbers("registration_hand_position_mm", list(first.device_position));
+    out_.set_numbers("registration_hand_orientation", list(first.device_orientation));
+  }
+
   struct Column {
     std::size_t index = 0;
     int width = 1;
@@ -189,6 +212,9 @@ class SessionRecorder::File {
     std::vector<double> waiting;
   };
   h5::GrowingWriter out_;
+  Quat rotation_;  // D to W
+  bool laid_ = false, registered_ = false;
+  std::optional<LiveTick> began_;  // the first one
   std::vector<Column> columns_;
   std::vector<std::array<double, kMostWidth>> values_;  // of one tick, by column
   std::size_t flags_ = 0;
@@ -241,7 +267,7 @@ bool SessionRecorder::push(const LiveTick& tick) noexcept {
 
 std::optional<std::string> SessionRecorder::failure() const {
   const std::scoped_lock guard(mutex_);
-  return failure_.empty() ? std::nullopt : std::optional(failure_);
+  return failure_[0] == 0 ? std::nullopt : std::optional<std::string>(failure_.data());
 }
 
 void SessionRecorder::finish(const SessionEnd& end) {
@@ -295,12 +321,14 @@ void SessionRecorder::stop_thread() noexcept {
   thread_.join();
 }
 
-void SessionRecorder::fail(const std::string& why) noexcept {
+// Allocates nothing: what failed may be an allocation.
+void SessionRecorder::fail(const char* why) noexcept {
   file_->abandon();
   file_.reset();
   {
     const std::scoped_lock guard(mutex_);
-    failure_ = why + " Its first " + std::to_string(rows()) + " rows can be read";
+    std::snprintf(failure_.data(), failure_.size(), "%.*s Its first %lld rows can be read",
+                  static_cast<int>(failure_.size() - 64), why, static_cast<long long>(rows()));
   }
   failed_.store(true, std::memory_order_relaxed);
 }

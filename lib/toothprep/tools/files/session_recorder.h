@@ -17,6 +17,7 @@
 // set in its flags. A tick whose time isn't after the one before counts as dropped.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
@@ -74,7 +75,7 @@ class SessionRecorder {
 
   void run() noexcept;
   void stop_thread() noexcept;
-  void fail(const std::string& why) noexcept;
+  void fail(const char* why) noexcept;
 
   const std::string path_;
   const double flush_s_;
@@ -85,7 +86,7 @@ class SessionRecorder {
   mutable std::mutex mutex_;  // of what follows
   std::condition_variable wake_;
   bool stop_ = false;
-  std::string failure_;
+  std::array<char, 1024> failure_{};  // text, cut off if it is longer
   std::thread thread_;
 };
 

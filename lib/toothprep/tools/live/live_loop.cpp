@@ -50,12 +50,12 @@ Vec3 LiveLoop::tick(const DeviceReading& reading) {
   out.step_seconds = thread_seconds() - from;
   hand_on(out);
   status_.write(out, steps_, governor_);
-  status_.write(fault, check_.lost());
+  status_.write(fault, check_.lost(), let_go(reading.hand));
   return out.commanded_force;
 }
 
 void LiveLoop::wait(const DeviceReading& reading, ReadingFault fault) noexcept {
-  status_.write(fault, check_.lost());
+  status_.write(fault, check_.lost(), let_go(reading.hand));
   if (fault != ReadingFault::kNone || reading.fault != DeviceFault::kNone) return;
   const DevicePose& hand = reading.hand;
   for (std::size_t i = 0; i < 3; ++i)
@@ -64,6 +64,11 @@ void LiveLoop::wait(const DeviceReading& reading, ReadingFault fault) noexcept {
     pose_[3 + i].store(hand.orientation.coeffs()[static_cast<Eigen::Index>(i)],
                        std::memory_order_relaxed);
   has_pose_.store(true, std::memory_order_release);
+}
+
+// The safety switch: nobody holds the stylus.
+bool LiveLoop::let_go(const DevicePose& hand) const noexcept {
+  return buttons_.safety_switch && !hand.safety_switch.value_or(true);
 }
 
 // What the session gets of the buttons.
@@ -97,12 +102,14 @@ void LiveLoop::step(const DeviceReading& reading, ReadingFault fault, LiveTick& 
     frame_->release(hand.position, hand.orientation);
   }
   next.pose = frame_->to_world(hand.position, hand.orientation);
-  next.buttons = motor_buttons(hand.buttons, out);
+  const bool free = let_go(hand);
+  if (free) unlocked_ = false, clear_ = 0;
+  next.buttons = free ? 0 : motor_buttons(hand.buttons, out);
   out.row = session_->step(next);
 
   Vec3 force = frame_->force_to_device(out.row.device_force);
   if (rejected || check_.resumed()) governor_.restart();
-  if (reading.fault != DeviceFault::kNone) {
+  if (reading.fault != DeviceFault::kNone || free) {
     governor_.restart();
     force.setZero();
     out.flags |= kForceWithheld;

@@ -10,7 +10,9 @@
 //
 // A reading that can't be true (reading_check.h) makes no step and no force. The motor starts only
 // after the pedal was released once, so that a foot that rests on it doesn't start the bur; without
-// a pedal, after the bur was clear of the tooth for kClearBefore.
+// a pedal, after the bur was clear of the tooth for kClearBefore. A stylus that nobody holds, by the
+// device's safety switch, gets no force and its bur doesn't turn; after that the motor starts as
+// at the beginning.
 #pragma once
 
 #include <array>
@@ -37,8 +39,9 @@ class TickSink {
 
 // Which button does what, as a mask of DevicePose::buttons; 0: none.
 struct LiveButtons {
-  std::uint32_t pedal = 0;   // starts the bur; none: it always runs
-  std::uint32_t clutch = 0;  // while held the handle stays where it is
+  std::uint32_t pedal = 0;    // starts the bur; none: it always runs
+  std::uint32_t clutch = 0;   // while held the handle stays where it is
+  bool safety_switch = true;  // heeded, where the device has one
 };
 
 constexpr double kClearBefore = 0.5;  // s, of the bur before its motor starts without a pedal
@@ -70,6 +73,7 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
  private:
   enum class Phase { kWaiting, kBeginning, kRunning };
 
+  bool let_go(const DevicePose& hand) const noexcept;
   void wait(const DeviceReading& reading, ReadingFault fault) noexcept;
   void step(const DeviceReading& reading, ReadingFault fault, LiveTick& out) noexcept;
   std::uint32_t motor_buttons(std::uint32_t pressed, LiveTick& out) noexcept;

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <thread>
 
@@ -28,7 +29,10 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-constexpr int kPriority = 80;  // below the kernel's own real-time threads
+// Of SCHED_FIFO's 1 to 99. Above the kernel's threads for interrupts, which run at 50 where it has
+// them (PREEMPT_RT, threadirqs): a servo that waited for its device without sleeping would keep
+// these from running; drivers sleep. Below the kernel's own for moving tasks and its watchdog, 99.
+constexpr int kPriority = 80;
 
 // The servo's thread may be the driver's, so its priority is asked for from within the first tick.
 class RealTimeClient final : public ServoClient {
@@ -81,7 +85,8 @@ struct Stop {
 };
 
 // Returns once the force is zero, or can't become it.
-void ramp_out(LiveLoop& loop) {
+template <class Loop>
+void ramp_out(Loop& loop) {
   loop.fade_out(true);
   const auto from = Clock::now();
   while (!loop.status().faded && seconds_since(from) < kLongestFade)
@@ -125,12 +130,15 @@ class Watcher {
 
   // A line when something begins.
   void note_onsets(const LiveStatus& now) {
-    if (now.rejections != rejections_)
+    if (now.rejections != rejections_) {  // it may be over already
       note(std::string(describe(now.last_fault)) + ": zero force and no cutting until it is right");
-    if (now.reading == ReadingFault::kNone && reading_ != ReadingFault::kNone)
+      rejects_ = true;
+    }
+    if (now.reading == ReadingFault::kNone && rejects_) {
       note("the readings are good again: the force is ramped in");
+      rejects_ = false;
+    }
     rejections_ = now.rejections;
-    reading_ = now.reading;
     const DeviceStatus device = device_.status();
     if (device.faults > faults_ && severity_of(device.last_fault) == FaultSeverity::kTransient)
       note(describe(device.last_fault));
@@ -140,22 +148,29 @@ class Watcher {
           "the motor waits for a safe start: release the pedal, or keep the bur clear of the "
           "tooth for half a second");
     locked_ = now.locked;
+    if (now.let_go && !let_go_)
+      note("nobody holds the stylus, by its safety switch: no force, and the bur stands");
+    if (!now.let_go && let_go_) note("the stylus is held again: the force is ramped in");
+    let_go_ = now.let_go;
   }
 
   // Stops the program as the terminal asks it to, without a force on the hand.
-  void pause(LiveLoop* loop) const {
-    if (loop) ramp_out(*loop);
+  template <class Loop>
+  void pause(Loop& loop) const {
+    ramp_out(loop);
     note("paused: no force until the program goes on");
     const auto from = Clock::now();
     raise(SIGSTOP);
-    note("goes on after " + std::to_string(static_cast<int>(seconds_since(from))) +
-         " s: the force is ramped in");
-    if (loop) loop->fade_out(false);
+    char text[80];
+    std::snprintf(text, sizeof text, "goes on after %.1f s: the force is ramped in",
+                  seconds_since(from));
+    note(text);
+    loop.fade_out(false);
   }
 
   // Until something ends it.
-  void watch_over(const RealTimeClient& client, const std::function<LiveStatus()>& status,
-                  LiveLoop* loop, LiveEnd& end) {
+  template <class Loop>
+  void watch_over(const RealTimeClient& client, Loop& loop, LiveEnd& end) {
     const auto began = Clock::now();
     double reported = -kReportEvery;
     bool scheduling_told = !watch_.real_time || !watch_.report_scheduling;
@@ -167,7 +182,7 @@ class Watcher {
       }
       if (device_failed(end) || asked(end)) return;
       if (watch_.pause_asked && watch_.pause_asked()) pause(loop);
-      const LiveStatus live = status();
+      const LiveStatus live = loop.status();
       note_onsets(live);
       if (live.hand_lost) {
         end.reason = describe(live.reading);
@@ -195,9 +210,9 @@ class Watcher {
  private:
   HapticDevice& device_;
   const LiveWatch& watch_;
-  ReadingFault reading_ = ReadingFault::kNone;
+  bool rejects_ = false;
   std::int64_t rejections_ = 0, faults_ = 0;
-  bool locked_ = false;
+  bool locked_ = false, let_go_ = false;
 };
 
 }  // namespace
@@ -217,6 +232,7 @@ LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& regis
   std::optional<HandleFrame> frame;
   while (session == nullptr) {
     if (watcher.device_failed(end) || watcher.asked(end)) return end;
+    if (watch.pause_asked && watch.pause_asked()) watcher.pause(loop);
     watcher.note_onsets(loop.status());
     if (const auto hand = loop.waiting_pose()) {
       frame.emplace(registration, hand->position, start.value_or(Vec3::Zero()));
@@ -232,8 +248,7 @@ LiveEnd run_live(HapticDevice& device, LiveLoop& loop, const Registration& regis
     std::this_thread::sleep_for(kLook);
   }
   loop.begin(*session, *frame, registration, start, time_step);
-  watcher.watch_over(
-      client, [&] { return loop.status(); }, &loop, end);
+  watcher.watch_over(client, loop, end);
   if (!end.fault) ramp_out(loop);
   stop_device(device, end);
   loop.finish();
@@ -248,8 +263,8 @@ LiveEnd run_probe(HapticDevice& device, ProbeLoop& loop, const LiveWatch& watch)
   const LastResort last_resort(device);
   if (watch.real_time && watch.report_scheduling) watch.report_scheduling(locked_memory());
   device.start(client);
-  watcher.watch_over(
-      client, [&] { return loop.status(); }, nullptr, end);
+  watcher.watch_over(client, loop, end);
+  if (!end.fault) ramp_out(loop);
   stop_device(device, end);
   return end;
 }

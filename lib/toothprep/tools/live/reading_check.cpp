@@ -10,6 +10,8 @@ namespace toothprep {
 namespace {
 
 constexpr double kVelocityWindow = 0.01;  // s
+constexpr double kSettled = 0.02;         // s of readings that go on as a hand's
+constexpr double kLate = 2;               // periods since the last reading
 constexpr double kMoved = 0.1;            // mm within frozen_after: the hand was moving
 
 }  // namespace
@@ -32,7 +34,7 @@ const char* describe(ReadingFault fault) noexcept {
       return "the device's position does not change any more, to the last bit, although the hand "
              "was moving";
     case ReadingFault::kGap:
-      return "no reading came for a while, and the hand is not where it was; bring it back";
+      return "no good reading came for a while, and the hand is not where it was; bring it back";
   }
   return "an unknown fault";
 }
@@ -54,6 +56,13 @@ void validate(const ReadingLimits& limits) {
 }
 
 ReadingCheck::ReadingCheck(const ReadingLimits& limits) : limits_(limits) { validate(limits); }
+
+// Against the reading before, good or not.
+bool ReadingCheck::jumps(const DevicePose& hand, double dt) const noexcept {
+  return (hand.position - raw_.position).norm() > limits_.slack + limits_.speed * dt ||
+         hand.orientation.angularDistance(raw_.orientation) >
+             limits_.turn_slack + limits_.turn_rate * dt;
+}
 
 bool ReadingCheck::near_last(const DevicePose& hand, double since) const noexcept {
   const double way = limits_.slack + 2 * velocity_.norm() * std::min(since, limits_.give_up);
@@ -108,8 +117,10 @@ ReadingFault ReadingCheck::judge(const DeviceReading& reading) noexcept {
     raw_ = reading.hand;
   }
   const double dt = std::max(reading.time - last_time_, least);
-  const double since = std::max(reading.time - good_time_, least);
+  const double since = std::max(reading.time - good_time_, least) + lateness_;
+  lateness_ = dt > kLate * limits_.period ? dt : 0;
   last_time_ = reading.time;
+  const bool jumped = any_ && jumps(reading.hand, dt);
   const bool stands = frozen(reading.hand, dt);
   ReadingFault fault = ReadingFault::kNone;
   if (reading.fault == DeviceFault::kBadReading)
@@ -124,12 +135,29 @@ ReadingFault ReadingCheck::judge(const DeviceReading& reading) noexcept {
   if (fault == ReadingFault::kNone) {
     accept(reading, since);
   } else {
-    if (fault_ == ReadingFault::kNone) cause_ = fault;
-    const bool may_return = cause_ == ReadingFault::kGap || cause_ == ReadingFault::kFrozen;
-    lost_ = lost_ || (any_ && since > (may_return ? limits_.give_up_after_gap : limits_.give_up));
+    reject(reading, fault, jumped, since);
   }
   fault_ = fault;
   return fault;
+}
+
+void ReadingCheck::reject(const DeviceReading& reading, ReadingFault& fault, bool jumped,
+                          double since) noexcept {
+  const bool finite = reading.fault != DeviceFault::kBadReading;
+  if (fault_ == ReadingFault::kNone) {
+    cause_ = fault;
+  } else if (finite && (jumped || cause_ == ReadingFault::kNotFinite)) {
+    cause_ = fault = ReadingFault::kGap;  // that is over; the hand is elsewhere
+  }
+  if (!finite || jumped) {
+    if (reading.time - last_bad_ > kSettled) bad_from_ = reading.time;
+    last_bad_ = reading.time;
+  }
+  const bool may_return = cause_ == ReadingFault::kGap || cause_ == ReadingFault::kFrozen;
+  const bool stays_bad =
+      reading.time - last_bad_ <= kSettled && reading.time - bad_from_ > limits_.give_up;
+  const double patience = may_return ? limits_.give_up_after_gap : limits_.give_up;
+  lost_ = lost_ || (any_ && (since > patience || stays_bad));
 }
 
 }  // namespace toothprep

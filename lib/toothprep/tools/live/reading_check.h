@@ -5,7 +5,9 @@
 //   not finite    the servo holds the last good pose, and says so
 //   outside       of the workspace by more than half of its largest side
 //   jump          |x - (x' + v T)| > slack + a T²       x', v: of the last good reading
-//   too fast      |x - x'| > slack + speed T            T: time since then, by the device's clock
+//   too fast      |x - x'| > slack + speed T            T: time since then, by the device's clock; a
+//                                                       reading after a late one counts from before
+//                                                       that, which may have been as old
 //   turned        angle > turn_slack + turn_rate T
 //   frozen        the same bits for `frozen_after` although the hand moved just before; a hand that
 //                 holds a stylus never does that, encoders count its tremor
@@ -13,7 +15,9 @@
 //
 // After a reading was rejected, the next one that counts is near the last good one,
 // |x - x'| <= slack + 2 |v| T, whatever the time: a hand that was somewhere else meanwhile would
-// drag the bur through the tooth. If none comes for `give_up`, the hand is lost for good.
+// drag the bur through the tooth. If none comes for `give_up`, the hand is lost for good; for
+// `give_up_after_gap`, if only the hand is elsewhere: after a gap, a frozen pose, or readings that
+// became numbers again or jumped once more and then went on as a hand's.
 #pragma once
 
 #include "toothprep/tools/device/haptic_device.h"
@@ -66,6 +70,9 @@ class ReadingCheck {  // of one device
 
  private:
   ReadingFault fault_of(const DeviceReading& reading, double since) const noexcept;
+  bool jumps(const DevicePose& hand, double dt) const noexcept;
+  void reject(const DeviceReading& reading, ReadingFault& fault, bool jumped,
+              double since) noexcept;
   bool near_last(const DevicePose& hand, double since) const noexcept;
   bool frozen(const DevicePose& hand, double dt) noexcept;
   void accept(const DeviceReading& reading, double since) noexcept;
@@ -77,6 +84,9 @@ class ReadingCheck {  // of one device
   ReadingFault cause_ = ReadingFault::kNone;  // of the first rejected one
   double last_time_ = 0;                      // s, of the last reading
   double good_time_ = 0;                      // s, of the last good one
+  double last_bad_ = -1e9;                    // s, of the last one that can't be a hand's at all
+  double bad_from_ = 0;                       // s, since when these come again and again
+  double lateness_ = 0;                       // s, of the last reading; 0: it wasn't late
   DevicePose good_, raw_;
   Vec3 velocity_ = Vec3::Zero();  // mm/s, D: mean over some 10 ms
   double speed_ = 0;              // mm/s: mean over frozen_after

@@ -29,6 +29,7 @@ struct LiveStatus {
   ReadingFault reading = ReadingFault::kNone;     // of the last reading
   ReadingFault last_fault = ReadingFault::kNone;  // of the last one that was rejected
   std::int64_t rejections = 0;                    // how often it began to be
+  bool let_go = false;                            // nobody holds the stylus, by its safety switch
   bool hand_lost = false;  // readings were rejected for so long that the session has to end
 };
 
@@ -54,7 +55,7 @@ class StatusBoard {  // written by the servo's thread, read by any
   }
 
   // What came of a tick's reading.
-  void write(ReadingFault reading, bool lost) noexcept {
+  void write(ReadingFault reading, bool lost, bool let_go) noexcept {
     if (reading != ReadingFault::kNone) {
       if (reading_.load(kRelaxed) == ReadingFault::kNone)
         rejections_.store(rejections_.load(kRelaxed) + 1, kRelaxed);
@@ -62,6 +63,7 @@ class StatusBoard {  // written by the servo's thread, read by any
     }
     reading_.store(reading, kRelaxed);
     lost_.store(lost, kRelaxed);
+    let_go_.store(let_go, kRelaxed);
   }
 
   [[nodiscard]] LiveStatus read() const noexcept {  // from any thread
@@ -84,6 +86,7 @@ class StatusBoard {  // written by the servo's thread, read by any
     s.last_fault = last_fault_.load(kRelaxed);
     s.rejections = rejections_.load(kRelaxed);
     s.hand_lost = lost_.load(kRelaxed);
+    s.let_go = let_go_.load(kRelaxed);
     return s;
   }
 
@@ -93,7 +96,7 @@ class StatusBoard {  // written by the servo's thread, read by any
   std::atomic<double> force_ = 0, lag_ = 0, torque_ = 0, heat_ = 0, longest_ = 0;
   std::array<std::atomic<double>, kTissueCount> removed_{};
   std::atomic<bool> stalled_ = false, running_ = false, vibrates_ = false;
-  std::atomic<bool> faded_ = false, locked_ = false, lost_ = false;
+  std::atomic<bool> faded_ = false, locked_ = false, lost_ = false, let_go_ = false;
   std::array<std::atomic<double>, 3> handle_{};
   std::atomic<ReadingFault> reading_ = ReadingFault::kNone, last_fault_ = ReadingFault::kNone;
   std::atomic<std::int64_t> rejections_ = 0;

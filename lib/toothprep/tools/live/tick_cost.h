@@ -23,6 +23,7 @@ inline void note_reading(const DeviceReading& reading, LiveTick& out) noexcept {
   out.device_position = reading.hand.position;
   out.device_orientation = reading.hand.orientation;
   out.device_buttons = reading.hand.buttons;
+  if (const auto& held = reading.hand.safety_switch) out.flags |= *held ? kSwitchHeld : kSwitchOpen;
   if (reading.mirror) {
     out.has_mirror = true;
     out.mirror_position = reading.mirror->position;

@@ -9,7 +9,8 @@
 namespace toothprep {
 
 RecordedRun run_active_check(HapticDevice& device, const Protocol& protocol,
-                             const ForceLimits& limits, LiveWatch watch,
+                             const ForceLimits& limits, const ReadingLimits& readings,
+                             bool safety_switch, LiveWatch watch,
                              const std::function<void(const std::string&)>& warn,
                              RecordTarget target) {
   check_calibration(device);
@@ -20,13 +21,15 @@ RecordedRun run_active_check(HapticDevice& device, const Protocol& protocol,
   header.trace.drive = "direct";
   header.trace.engine = name_of(parameters.engine);
   header.protocol = print_protocol(protocol);
-  describe_device(device, limits, watch.real_time, header);
+  describe_device(device, limits, readings, safety_switch, watch, header);
 
   RecorderOptions recording;
   recording.replace = target.replace;
   SessionRecorder recorder(target.path, header, recording);
   TickSinks sinks(recorder, nullptr);
-  ProbeLoop loop(limits, protocol_force(protocol, limits.period), &sinks);
+  // At rest nobody holds the stylus.
+  const bool heeds_switch = safety_switch && protocol.kind != ProtocolKind::kRest;
+  ProbeLoop loop(limits, protocol_force(protocol, limits.period), &sinks, readings, heeds_switch);
   watch.duration = protocol_duration(protocol);
   LiveEnd end = run_probe(device, loop, with_recorder_watched(std::move(watch), recorder, warn));
   EnergyAudit audit;

@@ -11,7 +11,8 @@ namespace toothprep {
 
 // Runs the protocol to its end, unless the watch ends it before. Throws Error as run_live_session().
 RecordedRun run_active_check(HapticDevice& device, const Protocol& protocol,
-                             const ForceLimits& limits, LiveWatch watch,
+                             const ForceLimits& limits, const ReadingLimits& readings,
+                             bool safety_switch, LiveWatch watch,
                              const std::function<void(const std::string&)>& warn,
                              RecordTarget target);
 

@@ -32,7 +32,8 @@ void check_calibration(HapticDevice& device) {
   }
 }
 
-void describe_device(const HapticDevice& device, const ForceLimits& limits, bool real_time,
+void describe_device(const HapticDevice& device, const ForceLimits& limits,
+                     const ReadingLimits& readings, bool safety_switch, const LiveWatch& watch,
                      SessionHeader& header) {
   const DeviceIdentity& id = device.identity();
   const DeviceLimits& l = device.limits();
@@ -53,7 +54,16 @@ void describe_device(const HapticDevice& device, const ForceLimits& limits, bool
   header.limit_notes = l.notes;
   header.force_limit_n = limits.max_force;
   header.force_rate_limit_n_per_s = limits.max_force_rate;
-  header.host = host_line(real_time);
+  header.safety = {limits.ramp,
+                   limits.fade,
+                   watch.stale,
+                   readings.frozen_after,
+                   limits.vibration_limit,
+                   limits.vibration_time,
+                   limits.thermal_time,
+                   readings.speed};
+  header.safety_switch = safety_switch ? "used" : "ignored";
+  header.host = host_line(watch.real_time);
 }
 
 }  // namespace toothprep

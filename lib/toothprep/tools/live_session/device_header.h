@@ -5,7 +5,7 @@
 
 #include "toothprep/tools/device/haptic_device.h"
 #include "toothprep/tools/files/session_file.h"
-#include "toothprep/tools/live/force_governor.h"
+#include "toothprep/tools/live/live_watch.h"
 
 namespace toothprep {
 
@@ -13,7 +13,8 @@ namespace toothprep {
 void check_calibration(HapticDevice& device);
 
 // Fills the header's device_..., limits, workspace and host.
-void describe_device(const HapticDevice& device, const ForceLimits& limits, bool real_time,
+void describe_device(const HapticDevice& device, const ForceLimits& limits,
+                     const ReadingLimits& readings, bool safety_switch, const LiveWatch& watch,
                      SessionHeader& header);
 
 }  // namespace toothprep

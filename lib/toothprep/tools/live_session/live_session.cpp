@@ -108,7 +108,9 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
   header.trace.tooth_sha256 = tooth_sha256(tooth);
   header.trace.drive = name_of(settings.drive);
   header.trace.engine = name_of(settings.parameters.engine);
-  describe_device(device, settings.limits, settings.watch.real_time, header);
+  describe_device(device, settings.limits, settings.readings, settings.buttons.safety_switch,
+                  settings.watch, header);
+  header.laid_at_start = !settings.registration.translation;
   header.registration =
       HandleFrame(settings.registration, Vec3::Zero(), settings.start).device_to_world();
 

@@ -71,7 +71,8 @@ LevelFigures level_figures(const SessionRecording& r, const Protocol& p, const R
   for (std::size_t i = 0; i + 1 < r.servo_time.size() && !taken_away; ++i) {
     const double t = protocol_time(r, i);
     if (protocol_level_at(p, t) != level) continue;
-    if (r.fault[i] == 0 && r.flags[i] & kForceWithheld) {
+    constexpr std::uint32_t kOther = kReadingRejected | kSwitchOpen;
+    if (r.fault[i] == 0 && r.flags[i] & kForceWithheld && !(r.flags[i] & kOther)) {
       taken_away = i;
       break;
     }
