@@ -22,6 +22,7 @@ std::string below(const CommandFacts& command) {
 
 std::vector<std::string> names_of(const std::vector<CommandFacts>& commands) {
   std::vector<std::string> names;
+  names.reserve(commands.size());
   for (const CommandFacts& command : commands) names.push_back(command.path.back());
   return names;
 }

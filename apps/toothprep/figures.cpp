@@ -56,6 +56,7 @@ void draw_surfaces(const figures::Picture& picture, const std::string& folder) {
   options.samples = 2;
   options.ambient_rays = 32;
   std::vector<toothprep::Picture> drawn;
+  drawn.reserve(renderers.size());
   for (const Renderer& renderer : renderers)
     drawn.push_back(picture_of(renderer.render(camera, options)));
   draw_scale_bar(drawn.front(), camera.mm_per_pixel);

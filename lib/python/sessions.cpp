@@ -29,7 +29,7 @@ Vec3 position_of(const py::object& given) {
   if (given.is_none() || !p) throw py::type_error("a position is three numbers, mm");
   if (p.ndim() != 1 || p.shape(0) != 3)
     throw py::value_error("a position is three numbers (x, y, z), mm");
-  const Vec3 position(p.data()[0], p.data()[1], p.data()[2]);
+  Vec3 position(p.data()[0], p.data()[1], p.data()[2]);
   if (!position.allFinite()) throw py::value_error("the position is not finite");
   return position;
 }
@@ -229,7 +229,7 @@ std::string shape_text(const py::array& a) {
 }
 
 Doubles rows_of(const py::object& given, const char* name, py::ssize_t rows, py::ssize_t width) {
-  const auto array = Doubles::ensure(given);
+  auto array = Doubles::ensure(given);
   if (!array) throw py::type_error(std::string(name) + " is no array of numbers");
   const bool good = width == 0 ? array.ndim() == 1 : array.ndim() == 2 && array.shape(1) == width;
   if (!good || (rows >= 0 && array.shape(0) != rows))

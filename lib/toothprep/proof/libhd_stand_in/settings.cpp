@@ -45,6 +45,7 @@ template <class Value>
 Value take_choice(StrictTable& table, const std::string& key,
                   const std::map<std::string, Value>& choices, Value otherwise) {
   std::vector<std::string> names;
+  names.reserve(choices.size());
   for (const auto& [name, value] : choices) names.push_back(name);
   const std::optional<std::string> name = table.choice(key, names);
   return name ? choices.at(*name) : otherwise;
@@ -87,6 +88,7 @@ FaultSettings fault_of(StrictTable table) {
   FaultSettings fault;
   if (!table.has("what")) table.missing("what", "\"comm-error\"");
   std::vector<std::string> names;
+  names.reserve(kKinds.size() + kFaults.size());
   for (const auto& [name, kind] : kKinds) names.push_back(name);
   for (const auto& [name, code] : kFaults) names.push_back(name);
   const std::string what = table.choice("what", names).value_or("");

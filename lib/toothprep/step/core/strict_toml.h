@@ -97,7 +97,7 @@ class StrictTable {
   // One of `choices`; another text is refused with the nearest of them.
   std::optional<std::string> choice(const std::string& key,
                                     const std::vector<std::string>& choices) {
-    const std::optional<std::string> value = text(key);
+    std::optional<std::string> value = text(key);
     if (value && std::find(choices.begin(), choices.end(), *value) == choices.end()) {
       std::string list;
       for (const std::string& c : choices) list += (list.empty() ? "" : ", ") + ("\"" + c + "\"");
