@@ -6,7 +6,7 @@
 #include "experiment.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/calibrate/lowpass.h"
-#include "toothprep/tools/calibrate/motion.h"
+#include "toothprep/tools/trajectory/smoothing.h"
 
 namespace toothprep::testing {
 namespace {

@@ -8,8 +8,8 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
-#include "toothprep/tools/calibrate/motion.h"
 #include "toothprep/tools/calibrate/spindle.h"
+#include "toothprep/tools/trajectory/smoothing.h"
 
 namespace toothprep {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/session/session.h"
-#include "toothprep/tools/calibrate/motion.h"
+#include "toothprep/tools/trajectory/smoothing.h"
 
 namespace toothprep {
 namespace {

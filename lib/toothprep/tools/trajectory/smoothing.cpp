@@ -1,4 +1,4 @@
-#include "toothprep/tools/calibrate/motion.h"
+#include "toothprep/tools/trajectory/smoothing.h"
 
 #include <algorithm>
 #include <cmath>
