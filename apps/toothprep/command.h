@@ -20,6 +20,7 @@ void add_specimen(CLI::App& app, const Common& common);
 void add_voxelize(CLI::App& app, const Common& common);
 void add_info(CLI::App& app, const Common& common);
 void add_replay(CLI::App& app, const Common& common);
+void add_import(CLI::App& app, const Common& common);
 void add_export(CLI::App& app, const Common& common);
 void add_mesh(CLI::App& app, const Common& common);
 void add_figures(CLI::App& app, const Common& common);

@@ -112,9 +112,10 @@ int run(int argc, char** argv) {
   app.add_option("--threads", common.threads, "Threads for offline work (0: all cores)")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  for (const AddCommand add : {add_specimen, add_voxelize, add_info, add_replay, add_export,
-                               add_mesh, add_figures, add_live, add_rig_check, add_calibrate,
-                               add_batch, add_render, add_score, add_help, add_completion})
+  for (const AddCommand add :
+       {add_specimen, add_voxelize, add_info, add_import, add_replay, add_export, add_mesh,
+        add_figures, add_live, add_rig_check, add_calibrate, add_batch, add_render, add_score,
+        add_help, add_completion})
     add(app, common);
   check_numbers(app);
   std::optional<tbb::global_control> limit;

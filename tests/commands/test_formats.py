@@ -203,7 +203,7 @@ class Examples(Tool):
                 with self.subTest(f"{page}:{line} {kind}"):
                     getattr(self, "run_" + kind.replace("-", "_"))(text)
                     count[kind] = count.get(kind, 0) + 1
-        self.assertEqual(len(count), 15, count)
+        self.assertEqual(len(count), 16, count)
 
     def run_trajectory_script(self, text):
         result = self.replay(self.write("example.toml", text))
@@ -289,6 +289,13 @@ class Examples(Tool):
     def run_stand_in(self, text):
         self.live("--device", "openhaptics", "--protocol", "rest 0.2 s", "-o", "check.h5", TOOTHPREP_LIBHD=LIBHD,
                   TOOTHPREP_STANDIN=os.path.join(self.folder, self.write("rig.toml", text)))
+
+    def run_rigid_transform(self, text):
+        name = self.write("transform.toml", text)
+        self.write("table.csv", "time_s,x_mm,y_mm,z_mm\n0,0,0,0\n0.01,1,0,0\n")
+        self.ok("import", "table.csv", "--transform", name, "--marker-to-bur", name, "-o", "imported.h5", "--force")
+        with h5py.File(os.path.join(self.folder, "imported.h5")) as file:
+            self.assertNotAlmostEqual(file["handle/position"][0, 0], 0)
 
     def run_recording_csv(self, text):
         """The example's columns on enough rows to fit: those that `specimen measurement` writes."""

@@ -54,6 +54,10 @@ void write_trace(const Trace& trace, const std::string& path);
 [[nodiscard]] Trajectory read_h5_trajectory(const std::string& path,
                                             ReadPolicy policy = ReadPolicy::kTrial);
 
+// Whether an HDF5 file has what read_h5_trajectory() needs: /time and /handle/position.
+[[nodiscard]] bool holds_trajectory(const std::string& path,
+                                    ReadPolicy policy = ReadPolicy::kTrial);
+
 // One row per step, one column per component, unit in the column's name: time_s, handle_x_mm, ...,
 // force_device_x_N, ..., removed_enamel_mm3; shortest decimals that read back as the same doubles.
 void write_trace_csv(const Trace& trace, const std::string& path);

@@ -207,6 +207,11 @@ bool is_trace_file(const std::string& path, ReadPolicy policy) {
   return h5::read_with_care(path, policy, [](Reader& in) { return in.text("schema") == kSchema; });
 }
 
+bool holds_trajectory(const std::string& path, ReadPolicy policy) {
+  return h5::read_with_care(
+      path, policy, [](Reader& in) { return in.has("/time") && in.has("/handle/position"); });
+}
+
 Trajectory read_h5_trajectory(const std::string& path, ReadPolicy policy) {
   return h5::read_with_care(path, policy, parse_trajectory);
 }
