@@ -3,12 +3,15 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdlib>
 #include <functional>
 #include <iostream>
 #include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <system_error>
+#include <thread>
 #include <utility>
 
 #include "command.h"
@@ -33,6 +36,7 @@
 namespace toothprep::app {
 namespace {
 
+constexpr auto kLastWords = std::chrono::seconds(2);
 constexpr double kManyMissed = 0.01, kTooManyMissed = 0.1;  // of the ticks
 constexpr double kShortest = 0.1, kFarthest = 1e4;          // mm, of a registration's translation
 
@@ -64,13 +68,24 @@ class Signals {
     pthread_sigmask(SIG_BLOCK, &set_, &before_);
   }
   ~Signals() { release(); }
-  // From now on they end the program as usual; those that came before have had their answer. Not
-  // SIGPIPE: what the program has to say is no reason to end otherwise than it did.
+  // Those that came have had their answer. After a moment for what is left to say they end the
+  // program as usual, if it hasn't ended yet: nobody may read what it says. Not SIGPIPE: that is no
+  // reason to end otherwise than it did.
   void release() {
+    if (std::exchange(released_, true)) return;
     came();
     sigset_t after = before_;
     sigaddset(&after, SIGPIPE);
-    pthread_sigmask(SIG_SETMASK, &after, nullptr);
+    const auto take_them = [after] { pthread_sigmask(SIG_SETMASK, &after, nullptr); };
+    try {
+      std::thread([take_them] {
+        std::this_thread::sleep_for(kLastWords);
+        take_them();
+        for (;;) ::pause();
+      }).detach();
+    } catch (const std::system_error&) {  // no thread to be had
+      take_them();
+    }
   }
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;
@@ -83,11 +98,11 @@ class Signals {
     }
     return came_;
   }
-  bool pause() { return std::exchange(pause_, false); }
+  bool pause_asked() { return std::exchange(pause_, false); }
 
  private:
   sigset_t set_{}, before_{};
-  bool came_ = false, pause_ = false;
+  bool came_ = false, pause_ = false, released_ = false;
 };
 
 // ---- The device
@@ -186,7 +201,7 @@ LiveWatch watch_for(const Options& o, const Common& common, Signals& signals, Ta
   watch.duration = o.duration;
   watch.stale = o.stale;
   watch.stop_asked = [&signals] { return signals.came(); };
-  watch.pause_asked = [&signals] { return signals.pause(); };
+  watch.pause_asked = [&signals] { return signals.pause_asked(); };
   watch.real_time = !o.no_real_time;
   const bool terminal = isatty(STDERR_FILENO) != 0;
   watch.report_scheduling = [&common, &talk](const std::string& line) {

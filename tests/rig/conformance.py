@@ -32,10 +32,10 @@ BUSY = re.compile(r"of the servo's ticks were missed")
 TRIES = 4  # of a session for which the machine was too busy
 
 
-def hand_path(rng):
+def hand_path(rng, speeds):
     """The hand, in the device's frame: at rest beside the block, pedal up; pedal down; into the block, sideways. Its
     tremor turns the stylus by a milliradian, so that no pose is the last one to the bit."""
-    speed, down = rng.uniform(0.6, 3.0), rng.uniform(0.12, 0.2)
+    speed, down = rng.uniform(*speeds), rng.uniform(0.12, 0.2)
     x, y = rng.uniform(-0.5, 0.5), rng.uniform(-0.3, 0.3)
     lines = ["time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw,buttons"]
     for t in np.arange(0, 4, 0.01):
@@ -68,7 +68,7 @@ class Suite:
         return found, attempt
 
     def session(self, case, rng, folder):
-        (folder / "hand.csv").write_text(hand_path(rng))
+        (folder / "hand.csv").write_text(hand_path(rng, case.speed))
         environment = {**os.environ, "TOOTHPREP_LIBHD": self.libhd, "TOOTHPREP_STANDIN_SET": case.settings,
                        "TOOTHPREP_STANDIN_PATH": str(folder / "hand.csv"), "TOOTHPREP_STANDIN_LOG": str(folder / "ticks.log")}
         args = ["live", "--device", "openhaptics", "--tooth", str(self.block), "--bur", BUR, "--pedal", "1", "--start-mm",

@@ -15,6 +15,7 @@ class Case:
     status: int = 0
     words: tuple = ()  # each in stderr, as regular expressions
     signals: tuple = ()  # (tick of the servo, signal), in order
+    speed: tuple = (0.6, 3.0)  # mm/s of the hand
     output: str = "read"  # "unread", "closed", "closed later"
     rules: dict = field(default_factory=dict)
 
@@ -62,7 +63,7 @@ FAULTS = {
     "nan": lambda r: Case(fault("nan", tick(r), r.randint(1, 60)), words=("not finite",)),
     "nan-for-good": lambda r: Case(fault("nan", tick(r), FOR_GOOD), status=1, words=("not finite", "recorded in"), rules=ENDED),
     "frozen": lambda r: Case(fault("frozen", r.randint(EARLIEST, 1100), r.randint(300, 450)),
-                             words=("does not change any more, to the last bit",)),
+                             words=("does not change any more, to the last bit",), speed=(1.5, 3.0)),
     "lost-calibration": device_fault("lost-calibration", "not calibrated: stopped; calibrate"),
     "warm-motors": transient("warm-motors", "motors are too warm: zero force"),
     "force-exceeded": transient("force-exceeded", "a force above the device's maximum", 5),
