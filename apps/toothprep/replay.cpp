@@ -43,7 +43,8 @@ struct Options {
 };
 
 Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, const Audit& audit,
-                 const std::vector<Finding>& findings, const std::optional<double>& element_mm) {
+                 const std::vector<Finding>& findings, const std::optional<double>& element_mm,
+                 const std::vector<std::string>& outcome) {
   Json j;
   j["schema"] = "toothprep-replay";
   j["toothprep_version"] = kVersion;
@@ -76,6 +77,7 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   j["torque_work_mj"] = r.totals.torque_work;
   j["removed_energy_mj"] = r.removed_energy;
   j["energy_ratio"] = std::isfinite(r.energy_ratio) ? Json(r.energy_ratio) : Json(nullptr);
+  j["outcome"] = outcome;
   put_judgement(j, audit, findings);
   j["tooth_sha256"] = trace.tooth_sha256;
   j["trajectory_sha256"] = sha256_of_file(o.trajectory);
@@ -140,6 +142,10 @@ void run(const Options& o, const Common& common) {
                        drive_of(o.session));
   warn_or_refuse(o.trajectory, findings, o.strict);
 
+  // Before the tooth is what is left of it.
+  const std::vector<std::string> outcome = outcome_warnings(r.rows, bur, tooth);
+  warn_or_refuse(outcome, o.strict);
+
   trace.rows = std::move(r.rows);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
@@ -150,7 +156,8 @@ void run(const Options& o, const Common& common) {
   }
   std::optional<double> element_mm;
   if (parameters.engine == EngineKind::kLevelset) element_mm = element_size(bur, parameters);
-  const Json report = o.json ? report_json(r, trace, o, audit, findings, element_mm) : Json();
+  const Json report =
+      o.json ? report_json(r, trace, o, audit, findings, element_mm, outcome) : Json();
   outputs.publish();
 
   const SessionTotals& t = r.totals;
@@ -166,9 +173,11 @@ void run(const Options& o, const Common& common) {
   say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
                           t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
   if (trace.drive == "coupled")
-    say(common, fmt::format("peak force {:.2f} N; largest lag of the bur behind the handle {:.2f} "
-                            "mm; stalled {} steps in {} stalls",
-                            t.peak_device_force, t.largest_lag, t.stalled_steps, t.stall_onsets));
+    say(common,
+        fmt::format("peak force {:.2f} N{}; largest lag of the bur behind the handle {:.2f} "
+                    "mm; stalled {} steps in {} stalls",
+                    t.peak_device_force, t.contact_steps == 0 ? " (the coupling's, in air)" : "",
+                    t.largest_lag, t.stalled_steps, t.stall_onsets));
   else
     say(common, fmt::format("peak force {:.2f} N", t.peak_device_force));
   say(common, audit_text(audit));
@@ -188,8 +197,10 @@ void add_replay(CLI::App& app, const Common& common) {
   sub->add_option("-o,--output", o->output, "Trace to write (.h5), required");
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");
-  add_strict(*sub, o->strict,
-             "a path far from the tooth, inputs that can't be meant, an energy audit out of range");
+  add_strict(
+      *sub, o->strict,
+      "a path far from the tooth, a run that removes nothing, opens the pulp or cuts 'other',\n"
+      "inputs that can't be meant, an energy audit out of range");
   sub->add_flag("--json", o->json, "Figures of the run as JSON on stdout");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(
