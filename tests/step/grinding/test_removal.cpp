@@ -8,9 +8,9 @@
 namespace toothprep::testing {
 namespace {
 
-constexpr double kRadius = 0.6, kLength = 3;
+constexpr double kBurRadius = 0.6, kBurLength = 3;
 
-double total(const PerTissue<double>& v) {
+double total_of(const PerTissue<double>& v) {
   double sum = 0;
   for (const double x : v) sum += x;
   return sum;
@@ -27,10 +27,10 @@ class RemovalOfACylinder : public ::testing::Test {
 
 TEST_F(RemovalOfACylinder, ClearTakesTheBursOwnVolumeAndDoesNotCountItAsRemoved) {
   Removal removal(bur_, workpiece_, at(0, -2, -1.5));
-  const double taken = total(removal.clear(at(0, -2, -1.5)));
-  const double exact = units::kPi * kRadius * kRadius * kLength;
+  const double taken = total_of(removal.clear(at(0, -2, -1.5)));
+  const double exact = units::kPi * kBurRadius * kBurRadius * kBurLength;
   EXPECT_NEAR(taken, exact, 0.01 * exact);
-  EXPECT_EQ(total(removal.removed()), 0);
+  EXPECT_EQ(total_of(removal.removed()), 0);
 }
 
 TEST_F(RemovalOfACylinder, AStraightWayTakesLengthTimesDiameterTimesWay) {
@@ -39,12 +39,12 @@ TEST_F(RemovalOfACylinder, AStraightWayTakesLengthTimesDiameterTimesWay) {
   double x = 0;
   for (; x < 1.0 - 1e-9; x += 0.002) removal.advance(at(x, -2, -1.5));
   removal.finish(at(1.0, -2, -1.5));
-  const double exact = 2 * kRadius * kLength * 1.0;
-  EXPECT_NEAR(total(removal.removed()), exact, 0.01 * exact);
+  const double exact = 2 * kBurRadius * kBurLength * 1.0;
+  EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
   // The same way back takes nothing more.
   for (; x > 0; x -= 0.002) removal.advance(at(x, -2, -1.5));
   removal.finish(at(0, -2, -1.5));
-  EXPECT_NEAR(total(removal.removed()), exact, 0.01 * exact);
+  EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
 }
 
 TEST_F(RemovalOfACylinder, AFastWayIsSweptAndSkipsNothing) {
@@ -52,8 +52,8 @@ TEST_F(RemovalOfACylinder, AFastWayIsSweptAndSkipsNothing) {
   slow.clear(at(-1, -2, -1.5));
   slow.advance(at(1, -2, -1.5));  // two millimetres at once
   slow.finish(at(1, -2, -1.5));
-  const double exact = 2 * kRadius * kLength * 2.0;
-  EXPECT_NEAR(total(slow.removed()), exact, 0.01 * exact);
+  const double exact = 2 * kBurRadius * kBurLength * 2.0;
+  EXPECT_NEAR(total_of(slow.removed()), exact, 0.01 * exact);
 }
 
 TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
@@ -62,16 +62,16 @@ TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
   removal.pause(at(0, -2, -1.5));
   removal.pause(at(0.5, -2, -1.5));
   removal.finish(at(0.5, -2, -1.5));
-  EXPECT_EQ(total(removal.removed()), 0);
+  EXPECT_EQ(total_of(removal.removed()), 0);
 }
 
 TEST_F(RemovalOfACylinder, NothingIsDueBeforeAVoxelOfWay) {
   Removal removal(bur_, workpiece_, at(0, -2, -1.5));
   removal.clear(at(0, -2, -1.5));
   for (double x = 0; x < 0.099; x += 0.001) removal.advance(at(x, -2, -1.5));
-  EXPECT_EQ(total(removal.removed()), 0);
+  EXPECT_EQ(total_of(removal.removed()), 0);
   for (double x = 0.1; x < 0.25; x += 0.001) removal.advance(at(x, -2, -1.5));
-  EXPECT_GT(total(removal.removed()), 0);
+  EXPECT_GT(total_of(removal.removed()), 0);
 }
 
 TEST_F(RemovalOfACylinder, InAirNothingIsRemovedAndNoBrickIsTouched) {
@@ -80,7 +80,7 @@ TEST_F(RemovalOfACylinder, InAirNothingIsRemovedAndNoBrickIsTouched) {
   removal.clear(at(0, 3, -1.5));
   for (double x = 0; x < 1; x += 0.01) removal.advance(at(x, 3, -1.5));
   removal.finish(at(1, 3, -1.5));
-  EXPECT_EQ(total(removal.removed()), 0);
+  EXPECT_EQ(total_of(removal.removed()), 0);
   EXPECT_EQ(workpiece_.cut().bricks_stored(), bricks);
 }
 
@@ -92,7 +92,7 @@ TEST_F(RemovalOfACylinder, TheVolumeFallsToTheTissuesOnBothSidesOfABorder) {
   removal.clear(at(0, -1, -1.5));
   removal.advance(at(1, -1, -1.5));
   removal.finish(at(1, -1, -1.5));
-  const double half = kRadius * kLength;
+  const double half = kBurRadius * kBurLength;
   EXPECT_NEAR(removal.removed()[0], half, 0.01 * half);
   EXPECT_NEAR(removal.removed()[1], half, 0.01 * half);
 }

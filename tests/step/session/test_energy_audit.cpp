@@ -9,14 +9,14 @@
 namespace toothprep::testing {
 namespace {
 
-constexpr double kTolerance = 0.03;
+constexpr double kAuditTolerance = 0.03;
 
 void expect_audit(const char* what, const Bur& bur, const std::vector<HandleSample>& path,
                   const LayeredTooth& tooth, Drive drive = Drive::kDirect,
                   const Parameters& parameters = paper_without_stall()) {
   const Outcome r = run(tooth, bur, parameters, drive, path);
   ASSERT_GT(r.removed_energy(parameters), 0) << what;
-  EXPECT_NEAR(r.energy_ratio(parameters), 1, kTolerance) << what << " " << bur.name();
+  EXPECT_NEAR(r.energy_ratio(parameters), 1, kAuditTolerance) << what << " " << bur.name();
   std::printf("energy audit %-28s %-22s %.4f\n", what, bur.name().c_str(),
               r.energy_ratio(parameters));
 }

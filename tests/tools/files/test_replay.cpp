@@ -18,7 +18,7 @@ namespace {
 using testing::kStep;
 using testing::ScratchFile;
 
-constexpr int kRows = 2500;
+constexpr int kReplayRows = 2500;
 
 LayeredTooth enamel_block() {
   BlockOptions o;
@@ -75,7 +75,7 @@ void record_and_replay(Drive drive, EngineKind engine, double start) {
     LiveTick tick;
     tick.row = session.initial();
     // A tick is handed on when the next one is there: finish() still adds to the last.
-    for (int i = 1; i < kRows; ++i) {
+    for (int i = 1; i < kReplayRows; ++i) {
       ASSERT_TRUE(recorder.push(tick));
       live.push_back(tick.row);
       tick.row = session.step(hand(i, start));
@@ -103,7 +103,7 @@ void record_and_replay(Drive drive, EngineKind engine, double start) {
   // It was worth it: it cut, it touched, it ran free, the pedal was up.
   EXPECT_GT(totals.removed[0], 0.05);
   EXPECT_GT(totals.contact_steps, 300);
-  EXPECT_LT(totals.contact_steps, kRows - 50);
+  EXPECT_LT(totals.contact_steps, kReplayRows - 50);
 }
 
 TEST(Replay, OfARecordingGivesTheSameBits) {

@@ -16,12 +16,12 @@ namespace toothprep {
 namespace {
 namespace fs = std::filesystem;
 
-bool runs(pid_t pid) { return kill(pid, 0) == 0; }
+bool is_running(pid_t pid) { return kill(pid, 0) == 0; }
 
 bool ends_within_10_s(pid_t pid) {
-  for (int k = 0; k < 1000 && runs(pid); ++k)
+  for (int k = 0; k < 1000 && is_running(pid); ++k)
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  return !runs(pid);
+  return !is_running(pid);
 }
 
 TEST(ChildProcess, GivesTheExitStatusOrTheSignal) {
@@ -61,9 +61,9 @@ TEST(ChildProcess, DoesNotOutliveAParentThatIsKilled) {
   }
   std::string text;
   char c = 0;
-  while (read(ends[0], &c, 1) == 1 && c != '\n') text += c;
+  while (::read(ends[0], &c, 1) == 1 && c != '\n') text += c;
   const pid_t child = std::stoi(text);
-  EXPECT_TRUE(runs(child));
+  EXPECT_TRUE(is_running(child));
   kill(parent, SIGKILL);
   waitpid(parent, nullptr, 0);
   EXPECT_TRUE(ends_within_10_s(child));
