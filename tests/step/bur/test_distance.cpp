@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "bur_cases.h"
+#include "toothprep/step/bur/distance_kernels.h"
 
 namespace toothprep {
 namespace {
@@ -203,6 +204,29 @@ TEST(BurDistances, OfAPointDoNotDependOnItsNeighboursOrTheirNumber) {
     bur.distances(r.data(), z.data(), d.data(), n);
     for (int i = 0; i < n; ++i) EXPECT_EQ(d[i], alone[i]) << "n " << n << ", i " << i;
     EXPECT_EQ(d[n], -7.0f) << "wrote beyond n = " << n;
+  }
+}
+
+TEST(BurDistance, IsTheSameToTheLastBitForEveryProcessor) {
+  Random random(7);
+  std::vector<float> r, z;
+  for (int i = 0; i < 10003; ++i) {  // not a multiple of any vector's width
+    r.push_back(static_cast<float>(random.within(0, 2)));
+    z.push_back(static_cast<float>(random.within(-1, 6)));
+  }
+  const int n = static_cast<int>(r.size());
+  const std::vector<DistanceKernel> kernels = distance_kernels();
+  for (const Bur& bur : all_burs()) {
+    std::vector<float> used(r.size()), one(r.size());
+    bur.distances(r.data(), z.data(), used.data(), n);
+    for (int i = 0; i < n; ++i) bur.distances(&r[i], &z[i], &one[i], 1);
+    EXPECT_EQ(used, one) << bur.name();
+    const DistanceOutline<float> outline = fast_outline(bur.profile());
+    for (const DistanceKernel& kernel : kernels) {
+      std::vector<float> d(r.size());
+      kernel.run(outline, r.data(), z.data(), d.data(), n);
+      EXPECT_EQ(d, used) << bur.name() << ", " << kernel.name;
+    }
   }
 }
 

@@ -65,9 +65,39 @@ TEST_F(ContactOfACylinder, PlungingOnlyTheFlatEndAdvances) {
 TEST_F(ContactOfACylinder, ASampleCoversVelocitiesNearItsOwnAndNoOthers) {
   area(Vec3(0, -2, -1.5), Vec3(0, -1, 0));
   EXPECT_TRUE(contact_.covers(Vec3(0, -3, 0)));
-  EXPECT_TRUE(contact_.covers(Vec3(0.1, -1, 0)));  // 6 degrees
+  EXPECT_TRUE(contact_.covers(Vec3(0.04, -1, 0)));  // 2 degrees
+  EXPECT_FALSE(contact_.covers(Vec3(0.1, -1, 0)));  // 6 degrees
   EXPECT_FALSE(contact_.covers(Vec3(1, -1, 0)));
   EXPECT_FALSE(contact_.covers(Vec3(0, 1, 0)));
+}
+
+// A model that was sampled all the way finds what one finds that never was: what it keeps from
+// sample to sample changes nothing but the cost.
+TEST(ContactKept, AlongAPathIsWhatALookFinds) {
+  const LayeredTooth tooth = block(kVoxel, 1, Vec3(6, 4, 6));
+  const Bur bur = paper_ball();
+  const Parameters p = paper_without_stall();
+  Workpiece workpiece(tooth);
+  const auto place = [](int i) {
+    const double s =
+        i * 0.004;  // down into the face, then along it, past the border of the tissues
+    return Pose{Vec3(std::max(0.0, s - 1.1), -std::min(s, 1.1), 0.001 * i), Quat::Identity()};
+  };
+  const auto engine = make_engine(bur, workpiece, p, place(0));
+  double worst = 0, largest = 0;
+  for (int i = 0; i < 500; ++i) {
+    const Vec3 v = (place(i + 1).position - place(i).position) / 1e-3;
+    engine->sample(place(i), v, Vec3::Zero());
+    const GrindingResponse kept = engine->contact().response(v, Vec3::Zero());
+    ContactModel fresh(bur, kElementSize, true, p.tissue);
+    fresh.sample(workpiece, place(i), v, Vec3::Zero(), kReach);
+    const GrindingResponse looked = fresh.contact().response(v, Vec3::Zero());
+    largest = std::max(largest, (looked.B * v).norm());
+    worst = std::max(worst, (kept.B * v - looked.B * v).norm());
+    engine->advance(place(i + 1));
+  }
+  EXPECT_GT(largest, 0);
+  EXPECT_LT(worst, 0.005 * largest);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <chrono>
 
 #include "experiment.h"
+#include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/engine.h"
 
 namespace toothprep::testing {
@@ -25,7 +26,8 @@ void print(benchmark::State& state, std::vector<double> times, const Bur& bur) {
   state.counters["p99_us"] = at(0.99);
   state.counters["p999_us"] = at(0.999);
   state.counters["max_us"] = at(1);
-  state.counters["elements"] = static_cast<double>(bur.elements(4 * kElementSize).size());
+  state.counters["elements"] =
+      static_cast<double>(bur.elements(kPiecesAcross * kElementSize).size());
 }
 
 void coupled_step(benchmark::State& state, const Bur& bur) {

@@ -4,10 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "toothprep/step/core/units.h"
+
 namespace toothprep::reference {
 namespace {
 
 constexpr int kLines = 12000;     // across the feed
+constexpr int kFewLines = 1500;   // where a place is looked up: linear in between to 1e-6 mm
 constexpr int kGoldenSteps = 40;  // to 4e-9 of the range
 constexpr int kBisections = 34;   // to 6e-11 of it
 constexpr double kGolden = 0.6180339887498949;
@@ -48,12 +51,12 @@ double sign_change(const F& f, double inside, double outside) {
 // interval of heights (y).
 class Outline {
  public:
-  Outline(const Bur& bur, const Quat& orientation)
-      : reach_(std::hypot(bur.head_length(), bur.max_radius()) * 1.01) {
+  Outline(const Bur& bur, const Quat& orientation, int lines)
+      : reach_(std::hypot(bur.head_length(), bur.max_radius()) * 1.01), count_(lines) {
     const Mat3 to_bur = orientation.toRotationMatrix().transpose();
-    lines_.resize(kLines + 1);
-    for (int i = 0; i <= kLines; ++i) {
-      const double z = reach_ * (2.0 * i / kLines - 1);
+    lines_.resize(static_cast<std::size_t>(count_) + 1);
+    for (int i = 0; i <= count_; ++i) {
+      const double z = reach_ * (2.0 * i / count_ - 1);
       const auto depth = [&](double y) {
         const auto distance = [&](double x) {
           const Vec3 p = to_bur * Vec3(x, y, z);
@@ -70,8 +73,8 @@ class Outline {
 
   double reach() const { return reach_; }
   Interval at(double z) const {
-    const double place = (z / reach_ + 1) / 2 * kLines;
-    if (!(place >= 0 && place < kLines)) return {};
+    const double place = (z / reach_ + 1) / 2 * count_;
+    if (!(place >= 0 && place < count_)) return {};
     const auto i = static_cast<std::size_t>(place);
     const Interval &a = lines_[i], &b = lines_[i + 1];
     if (a.empty() || b.empty()) return {};
@@ -81,6 +84,7 @@ class Outline {
 
  private:
   double reach_;
+  int count_;
   std::vector<Interval> lines_;
 };
 
@@ -98,7 +102,7 @@ void take_away(std::vector<Interval>& from, const Interval& part) {
 std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& orientation,
                                                     const std::vector<Vec3>& tips,
                                                     const Block& block) {
-  const Outline outline(bur, orientation);
+  const Outline outline(bur, orientation, kLines);
   double first = std::numeric_limits<double>::infinity(), last = -first;
   for (const Vec3& tip : tips) {
     first = std::min(first, tip.z() - outline.reach());
@@ -129,6 +133,41 @@ std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& 
     }
   }
   return area;
+}
+
+Load load_in_swept(const Scene& scene, const Bur& bur, const Quat& orientation,
+                   const std::vector<Vec3>& tips, double speed, double size) {
+  const Outline outline(bur, orientation, kFewLines);
+  const SurfaceElements e = bur.elements(size, scene.clockwise);
+  const Mat3 to_block = orientation.toRotationMatrix();
+  const Vec3 half = scene.block.size / 2;
+  Load load;
+  for (std::size_t i = 0; i < e.size(); ++i) {
+    const Vec3 n = to_block * Vec3(e.nx[i], e.ny[i], e.nz[i]);
+    const double advance = speed * n.x();
+    const Vec3 arm = to_block * Vec3(e.x[i], e.y[i], e.z[i]), at = tips.back() + arm;
+    if (!(advance > 0) || at.y() > 0 || at.y() < -scene.block.size.y() ||
+        std::abs(at.z()) > half.z())
+      continue;
+    bool swept = false;
+    for (std::size_t pass = 0; !swept && pass + 1 < tips.size(); ++pass) {
+      const Interval earlier = outline.at(at.z() - tips[pass].z());
+      const double height = at.y() - tips[pass].y();
+      swept = !earlier.empty() && height > earlier.low && height < earlier.high;
+    }
+    if (swept) continue;
+    const bool enamel = at.y() >= -scene.block.enamel;
+    const GrindingProperties& tissue = enamel ? scene.enamel : scene.dentin;
+    const double power = tissue.specific_energy / (2 * units::kPi * scene.rotation_rate) * advance *
+                         static_cast<double>(e.weight[i]);
+    const Vec3 t = to_block * Vec3(e.tx[i], e.ty[i], 0);
+    load.force += power * (t - n / tissue.force_ratio);
+    load.torque += power * static_cast<double>(e.radius[i]);
+    const int k = tissue_index(enamel ? Tissue::kEnamel : Tissue::kDentin);
+    load.area[k] += static_cast<double>(e.area[i]);
+    load.volume_rate[k] += advance * static_cast<double>(e.area[i]);
+  }
+  return load;
 }
 
 }  // namespace toothprep::reference

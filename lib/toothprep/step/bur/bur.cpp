@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "toothprep/step/bur/distance_kernels.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
 
@@ -176,6 +177,10 @@ void add_elements(SurfaceElements& out, const ProfilePiece& piece, double size, 
 
 }  // namespace
 
+DistanceOutline<float> fast_outline(const std::vector<ProfilePiece>& head) {
+  return in_float(outline_of(head));
+}
+
 Bur::Bur(std::string name, std::vector<ProfilePiece> head, double shank_radius, double shank_top)
     : name_(std::move(name)),
       head_(checked_outline(std::move(head))),
@@ -200,7 +205,7 @@ Bur::Bur(std::string name, std::vector<ProfilePiece> head, double shank_radius, 
                 " mm) and not above 50 mm, got " + std::to_string(shank_top));
   if (shank_radius == 0) shank_top_ = head_length_;
   exact_ = outline_of(head_);
-  fast_ = in_float(exact_);
+  fast_ = fast_outline(head_);
 }
 
 double Bur::head_volume() const {

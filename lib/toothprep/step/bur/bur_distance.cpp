@@ -10,12 +10,14 @@
 //
 // Both precisions run the same formulas. distances() runs them over short blocks with the pieces
 // outside and the points inside, without a branch, so that the compiler vectorises the inner loops
-// (SSE2 at -O3; sqrt needs -fno-math-errno, set for this file in CMakeLists.txt).
+// (at -O3; sqrt needs -fno-math-errno, set for this file in CMakeLists.txt). They are compiled for
+// SSE2 and for AVX2 without fused multiply-add; each point's operations are the same in both, and so
+// are the bits of its distance (tests/step/bur/test_distance.cpp).
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "toothprep/step/bur/bur.h"
+#include "toothprep/step/bur/distance_kernels.h"
 
 namespace toothprep {
 namespace {
@@ -28,10 +30,16 @@ constexpr int kBlock = 8;
 #else
 #define TOOTHPREP_KEEP_LOOP
 #endif
+// Into the kernel of each processor.
+#if defined(__GNUC__)
+#define TOOTHPREP_INLINE inline __attribute__((always_inline))
+#else
+#define TOOTHPREP_INLINE inline
+#endif
 
 template <int N, class T>
-inline void measure(const typename DistanceOutline<T>::Line& p, const T* r, const T* z, T* squared,
-                    int* inside) {
+TOOTHPREP_INLINE void measure(const typename DistanceOutline<T>::Line& p, const T* r, const T* z,
+                              T* squared, int* inside) {
   const T mid_r = p.mid_r, mid_z = p.mid_z, u_r = p.u_r, u_z = p.u_z, half = p.half_length;
   const T low = p.z_low, high = p.z_high;
   TOOTHPREP_KEEP_LOOP
@@ -50,8 +58,8 @@ inline void measure(const typename DistanceOutline<T>::Line& p, const T* r, cons
 // = k q.q + 2 q.u is (|c|^2 - radius^2) k, and the distance from the circle is w / (1 + k |c|). No
 // difference of large numbers, however flat the arc, and no root of a difference near the centre.
 template <int N, bool kRight, class T>
-inline void measure(const typename DistanceOutline<T>::Arc& p, const T* r, const T* z, T* squared,
-                    int* inside) {
+TOOTHPREP_INLINE void measure(const typename DistanceOutline<T>::Arc& p, const T* r, const T* z,
+                              T* squared, int* inside) {
   const typename DistanceOutline<T>::Arc a = p;  // a copy: the outputs can't alias it
   TOOTHPREP_KEEP_LOOP
   for (int i = 0; i < N; ++i) {
@@ -71,8 +79,8 @@ inline void measure(const typename DistanceOutline<T>::Arc& p, const T* r, const
 }
 
 template <int N, class T>
-inline void measure(const typename DistanceOutline<T>::Point& p, const T* r, const T* z,
-                    T* squared) {
+TOOTHPREP_INLINE void measure(const typename DistanceOutline<T>::Point& p, const T* r, const T* z,
+                              T* squared) {
   TOOTHPREP_KEEP_LOOP
   for (int i = 0; i < N; ++i) {
     const T q_r = r[i] - p.r, q_z = z[i] - p.z, s = q_r * q_r + q_z * q_z;
@@ -81,7 +89,8 @@ inline void measure(const typename DistanceOutline<T>::Point& p, const T* r, con
 }
 
 template <int N, class T>
-inline void signed_distances(const DistanceOutline<T>& outline, const T* r, const T* z, T* out) {
+TOOTHPREP_INLINE void signed_distances(const DistanceOutline<T>& outline, const T* r, const T* z,
+                                       T* out) {
   T squared[N];
   int inside[N];
   TOOTHPREP_KEEP_LOOP
@@ -100,7 +109,39 @@ inline void signed_distances(const DistanceOutline<T>& outline, const T* r, cons
   }
 }
 
+TOOTHPREP_INLINE void distances_by_block(const DistanceOutline<float>& outline, const float* r,
+                                         const float* z, float* out, int n) {
+  int i = 0;
+  for (; i + kBlock <= n; i += kBlock) signed_distances<kBlock>(outline, r + i, z + i, out + i);
+  if (i == n) return;
+  float rest_r[kBlock] = {}, rest_z[kBlock] = {}, rest[kBlock];  // the last block, filled up
+  std::copy(r + i, r + n, rest_r);
+  std::copy(z + i, z + n, rest_z);
+  signed_distances<kBlock>(outline, rest_r, rest_z, rest);
+  std::copy(rest, rest + (n - i), out + i);
+}
+
+void plain(const DistanceOutline<float>& outline, const float* r, const float* z, float* out,
+           int n) {
+  distances_by_block(outline, r, z, out, n);
+}
+
+#if defined(__x86_64__) && defined(__GNUC__)
+__attribute__((target("avx2"))) void with_avx2(const DistanceOutline<float>& outline,
+                                               const float* r, const float* z, float* out, int n) {
+  distances_by_block(outline, r, z, out, n);
+}
+#endif
+
 }  // namespace
+
+std::vector<DistanceKernel> distance_kernels() {
+  std::vector<DistanceKernel> kernels = {{"plain", plain}};
+#if defined(__x86_64__) && defined(__GNUC__)
+  if (__builtin_cpu_supports("avx2")) kernels.push_back({"avx2", with_avx2});
+#endif
+  return kernels;
+}
 
 double Bur::distance(double r, double z) const noexcept {
   double d;
@@ -109,14 +150,8 @@ double Bur::distance(double r, double z) const noexcept {
 }
 
 void Bur::distances(const float* r, const float* z, float* out, int n) const noexcept {
-  int i = 0;
-  for (; i + kBlock <= n; i += kBlock) signed_distances<kBlock>(fast_, r + i, z + i, out + i);
-  if (i == n) return;
-  float rest_r[kBlock] = {}, rest_z[kBlock] = {}, rest[kBlock];  // the last block, filled up
-  std::copy(r + i, r + n, rest_r);
-  std::copy(z + i, z + n, rest_z);
-  signed_distances<kBlock>(fast_, rest_r, rest_z, rest);
-  std::copy(rest, rest + (n - i), out + i);
+  static const auto kBest = distance_kernels().back().run;
+  kBest(fast_, r, z, out, n);
 }
 
 }  // namespace toothprep

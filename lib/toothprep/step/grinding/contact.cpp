@@ -3,16 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/step/grinding/contact_frame.h"
+
 namespace toothprep {
 namespace {
 
-// Elements whose normal is up to this far behind the motion (sine of the angle) are sampled as
-// well, so that the trial velocity may turn by as much without a new sample.
-constexpr float kMarginSine = 0.15f;
-// Elements in contact that lie this close in memory are computed in one run.
-constexpr int kRunGap = 8;
-// An element that isn't engaged as a whole is divided into kParts x kParts.
-constexpr int kParts = 4;
+constexpr double kMarginCosine = 0.9988;  // a little inside sqrt(1 - 0.05²)
+// While the handle turns, a trial velocity of less than this part of the sample's needs a new one.
+constexpr double kLeastSpeed = 0.5;
+constexpr float kRounding = 1e-6f;  // of the speed
 // A field's range over an element is taken this much larger before it counts as engaged as a whole.
 constexpr float kSlack = 1.1f;
 // Elements look for the walls of other cuts this part of their size ahead.
@@ -20,175 +19,75 @@ constexpr double kLookAhead = 0.8;
 // Where the cut's range along a straight profile is below this part of the element's half width,
 // the element is divided around the axis alone.
 constexpr float kAlongWall = 0.1f;
-constexpr float kRounding = 1e-6f;  // of the speed
-// Interpolated on the lattice, the wall that a convex bur left stands out by D²/12 times its
-// curvature on average. A swept wall is curved across the sweep only, and where two cuts meet the
-// interpolant errs to the other side: a third of the sum of the bur's curvatures is least biased.
-constexpr float kWall = 1.0f / 36;
-// Keeps a division defined where the field is flat or meets an element face on, mm.
-constexpr float kLeastExtent = 1e-6f;
-constexpr double kMarginCosine = 0.99;  // a little inside sqrt(1 - 0.15²)
-
-// The cell of an index coordinate beside the tip's voxel. Cutting towards zero is floor for what is
-// positive, and vectorises with SSE2 alone. The offset costs up to 3e-4 voxel: so close to a border
-// of two cells either serves, since the interpolant is continuous.
-constexpr float kIndexOffset = 4096;  // voxels; a head is shorter
-inline std::int32_t cell_of(float x) {
-  return static_cast<std::int32_t>(x + kIndexOffset) - static_cast<std::int32_t>(kIndexOffset);
-}
-
-inline float at_surface(const FieldSample& s, const Eigen::Vector3f& ahead) {
-  return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
-}
+// What was found stands for this part of the distance at which it could be different: a field's
+// gradient can exceed 1 between voxels.
+constexpr float kStands = 0.5f;
+// At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
+// less, so that it soon counts as a whole again.
+constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
+// Motion along another direction (cosine) finds something else.
+constexpr float kSameDirection = 0.995f;
 
 // How far the element's rim lies behind its tangent plane, mm.
-inline float sag_of(const SurfaceElements& e, int i) {
+float sag_of(const SurfaceElements& e, int i) {
   return 0.5f * (e.curvature_along[i] * e.half_along[i] * e.half_along[i] +
                  e.curvature_around[i] * e.half_around[i] * e.half_around[i]);
 }
 
-}  // namespace
-
-// The tip's place in index space, split so that single precision suffices beside it.
-struct ContactModel::IndexFrame {
-  Index3 base;
-  float fx, fy, fz;  // rest, [0, 1)
-  float a[9];        // rotation / voxel, row by row
-
-  IndexFrame(const Lattice& lattice, const Pose& pose) {
-    const Vec3 tip = lattice.to_index(pose.position);
-    const Vec3 whole = tip.array().floor();
-    base = whole.cast<int>();
-    fx = static_cast<float>(tip.x() - whole.x());
-    fy = static_cast<float>(tip.y() - whole.y());
-    fz = static_cast<float>(tip.z() - whole.z());
-    const Mat3 rotation = pose.orientation.toRotationMatrix() / lattice.voxel;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) a[3 * i + j] = static_cast<float>(rotation(i, j));
-  }
+// Half the range over element i of a field with gradient g (per mm, B), along and around.
+struct HalfRanges {
+  float along, around;
+  HalfRanges(const SurfaceElements& e, int i, const Eigen::Vector3f& g)
+      : along(std::abs(g.x() * e.lx[i] + g.y() * e.ly[i] + g.z() * e.lz[i]) * e.half_along[i]),
+        around(std::abs(g.x() * e.tx[i] + g.y() * e.ty[i]) * e.half_around[i]) {}
+  float extent() const { return kSlack * (along + around); }
 };
-
-struct ContactModel::Scan {
-  const Workpiece& workpiece;
-  const IndexFrame& frame;
-  Eigen::Vector3f v, omega;  // mm/s, rad/s, B
-  float speed;               // mm/s, of v
-  float reach;               // mm
-  bool turns;
-
-  Eigen::Vector3f velocity_at(float x, float y, float z) const {
-    return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
-  }
-  float speed_of(const Eigen::Vector3f& u) const { return turns ? u.norm() : speed; }
-};
-
-namespace {
-
-// The axes of an element or a part in index space, scaled by half its extents: what the field's
-// gradient is multiplied by to get half its range.
-struct HalfAxes {
-  Eigen::Vector3f along, around;
-
-  HalfAxes(const float* a, const Eigen::Vector3f& l, const Eigen::Vector3f& t, float half_along,
-           float half_around) {
-    const auto turned = [a](const Eigen::Vector3f& x, float half) -> Eigen::Vector3f {
-      return half * Eigen::Vector3f(a[0] * x.x() + a[1] * x.y() + a[2] * x.z(),
-                                    a[3] * x.x() + a[4] * x.y() + a[5] * x.z(),
-                                    a[6] * x.x() + a[7] * x.y() + a[8] * x.z());
-    };
-    along = turned(l, half_along);
-    around = turned(t, half_around);
-  }
-  HalfAxes(const float* a, const SurfaceElements& e, int i)
-      : HalfAxes(a, Eigen::Vector3f(e.lx[i], e.ly[i], e.lz[i]),
-                 Eigen::Vector3f(e.tx[i], e.ty[i], 0), e.half_along[i], e.half_around[i]) {}
-  float extent(const FieldSample& s) const {
-    return std::abs(s.gx * along.x() + s.gy * along.y() + s.gz * along.z()) +
-           std::abs(s.gx * around.x() + s.gy * around.y() + s.gz * around.z());
-  }
-};
-
-// The share of an element that lies inside, from the field at its middle and half its range.
-float share_inside(float value, float extent) {
-  const float share = 0.5f - 0.5f * value / std::max(extent, kLeastExtent);
-  return std::min(std::max(share, 0.0f), 1.0f);
-}
-
-// How a place is shared among the tissues; adds up to 1, or to 0 in air. By the tissues' level
-// sets; where a tissue without one occurs, by the trilinear blend of the labels.
-void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell, float fx,
-                   float fy, float fz, const Eigen::Vector3f& ahead, const HalfAxes& axes,
-                   PerTissue<float>& share) noexcept {
-  const LabelGrid& labels = workpiece.labels();
-  if (labels.is_uniform(brick) && (cell.x() & 7) < 7 && (cell.y() & 7) < 7 && (cell.z() & 7) < 7) {
-    const std::uint8_t label = labels.uniform_value(brick);
-    if (label != 0) share[label - 1] = 1;
-    return;
-  }
-  PerTissue<float> blend{};
-  float total = 0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const int ix = corner >> 2, iy = (corner >> 1) & 1, iz = corner & 1;
-    const std::uint8_t label = labels.value(cell.x() + ix, cell.y() + iy, cell.z() + iz);
-    if (label == 0) continue;
-    const float w = (ix ? fx : 1 - fx) * (iy ? fy : 1 - fy) * (iz ? fz : 1 - fz);
-    blend[label - 1] += w;
-    total += w;
-  }
-  if (total <= 0) return;
-  constexpr int kOther = tissue_index(Tissue::kOther);
-  if (blend[kOther] == 0) {
-    float sum = 0;
-    for (int k = 0; k < kOther; ++k) {
-      float corners[8];
-      cell_corners(workpiece.tooth().remains[k], cell.x(), cell.y(), cell.z(), corners);
-      const FieldSample s = sample_cell(corners, fx, fy, fz);
-      share[k] = share_inside(at_surface(s, ahead), axes.extent(s));
-      sum += share[k];
-    }
-    if (sum > 0) {
-      for (int k = 0; k < kOther; ++k) share[k] /= sum;
-      return;
-    }
-  }
-  for (int k = 0; k < kTissueCount; ++k) share[k] = blend[k] / total;
-}
 
 }  // namespace
 
-ContactModel::ContactModel(const Bur& bur, double element_size, bool clockwise,
+ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
                            const PerTissue<GrindingProperties>& tissue)
-    : elements_(bur.elements(kParts * element_size, clockwise)),
-      contact_(kParts * kParts * elements_.size(), tissue, false),
-      look_ahead_(kLookAhead * kParts * element_size) {
+    : elements_(bur.elements(kPiecesAcross * piece_size, clockwise)),
+      contact_(kPieces * elements_.size(), tissue, false),
+      look_ahead_(kLookAhead * kPiecesAcross * piece_size),
+      arm_(std::hypot(bur.head_length(), bur.max_radius())) {
   const std::size_t n = elements_.size();
-  for (auto* array : {&fx_, &fy_, &fz_, &value_, &extent_, &along_}) array->resize(n);
-  for (auto* array : {&cell_x_, &cell_y_, &cell_z_, &candidates_}) array->resize(n);
-  for (auto& array : corner_) array.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    first_node_.push_back(nodes_.size());
-    const bool curved = elements_.curvature_along[i] != 0;
-    const double gauss = 1 / std::sqrt(3.0);
-    for (const double around : {-gauss, gauss}) {
-      if (!curved) add_part(i, around, 0, 0.5, nodes_);
-      if (!curved) continue;
-      add_part(i, around, -gauss, 0.25, nodes_);
-      add_part(i, around, gauss, 0.25, nodes_);
+  for (auto* array : {&left_, &advance_, &range_}) array->resize(n);
+  for (auto* array : {&worth_, &candidates_}) array->resize(n);
+  standing_.resize(n);
+  settled_.assign(n, -1);
+  for (std::size_t i = 0; i < n; ++i) add_element(i);
+  first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
+}
+
+void ContactModel::add_element(std::size_t i) {
+  const SurfaceElements& e = elements_;
+  mx_.push_back(e.y[i] * e.nz[i] - e.z[i] * e.ny[i]);
+  my_.push_back(e.z[i] * e.nx[i] - e.x[i] * e.nz[i]);
+  mz_.push_back(e.x[i] * e.ny[i] - e.y[i] * e.nx[i]);
+  turn_around_.push_back(e.curvature_around[i] * e.half_around[i]);
+  turn_along_.push_back(e.curvature_along[i] * e.half_along[i]);
+  first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
+  const bool curved = e.curvature_along[i] != 0;
+  const double gauss = 1 / std::sqrt(3.0);
+  ContactSet::Sums sums;
+  for (const double around : {-gauss, gauss})
+    for (const double along : {-gauss, gauss}) {
+      if (!curved && along > 0) continue;
+      nodes_.push_back(point_of(i, around, curved ? along : 0, curved ? 0.25 : 0.5));
+      sums.add(nodes_.back());
     }
-    for (int p = 0; p < kParts; ++p)
-      add_part(i, (2 * p + 1.0) / kParts - 1, 0, 1.0 / kParts, strips_);
-    for (int p = 0; p < kParts; ++p)
-      for (int q = 0; q < kParts; ++q)
-        add_part(i, (2 * p + 1.0) / kParts - 1, (2 * q + 1.0) / kParts - 1, 1.0 / (kParts * kParts),
-                 parts_);
+  sums_.push_back(sums);
+  for (int p = 0; p < kPieces; ++p) {
+    add_piece(i, (2 * p + 1.0) / kPieces - 1, 0, kPieces, 1, strips_);
+    add_piece(i, (p >> 1) - 0.5, (p & 1) - 0.5, kPiecesAcross, kPiecesAcross, squares_);
   }
-  first_node_.push_back(nodes_.size());
 }
 
 // The point of element i at the given places (-1 .. 1) around the axis and along the profile, with
 // a share of the element's weight.
-void ContactModel::add_part(std::size_t i, double around, double along, double share,
-                            Parts& to) const {
+ContactSet::Element ContactModel::point_of(std::size_t i, double around, double along,
+                                           double share) const {
   const SurfaceElements& e = elements_;
   const double curvature = e.curvature_along[i], way = along * e.half_along[i];
   const double turn = around * e.half_around[i] / e.radius[i];
@@ -207,385 +106,277 @@ void ContactModel::add_part(std::size_t i, double around, double along, double s
   t = about_axis * t;
   const Vec3 m = x.cross(n);
   const double weight = share * e.weight[i], radius = std::hypot(x.x(), x.y());
-  const Vec3 up = n.cross(t);  // along the profile
   const auto f = [](double value) { return static_cast<float>(value); };
-  to.x.push_back(f(x.x())), to.y.push_back(f(x.y())), to.z.push_back(f(x.z()));
-  to.nx.push_back(f(n.x())), to.ny.push_back(f(n.y())), to.nz.push_back(f(n.z()));
-  to.tx.push_back(f(t.x())), to.ty.push_back(f(t.y()));
-  to.lx.push_back(f(up.x())), to.ly.push_back(f(up.y())), to.lz.push_back(f(up.z()));
-  to.element.push_back({f(n.x()), f(n.y()), f(n.z()), f(m.x()), f(m.y()), f(m.z()), f(t.x()),
-                        f(t.y()), f(weight), f(radius), f(weight * radius)});
+  return {f(n.x()), f(n.y()), f(n.z()),  f(m.x()),  f(m.y()),          f(m.z()),
+          f(t.x()), f(t.y()), f(weight), f(radius), f(weight * radius)};
+}
+
+// A piece of element i about the given place, of `across` around the axis and `up` along it.
+void ContactModel::add_piece(std::size_t i, double around, double along, int across, int up,
+                             Pieces& to) {
+  const SurfaceElements& e = elements_;
+  const ContactSet::Element p = point_of(i, around, along, 1.0 / (across * up));
+  // The place itself, as point_of() has it: n x m / n² is the part of it across n.
+  const Vec3 n(p.nx, p.ny, p.nz), t(p.tx, p.ty, 0), l = n.cross(t);
+  const double curvature = e.curvature_along[i], way = along * e.half_along[i];
+  const double turn = around * e.half_around[i] / e.radius[i];
+  const Vec3 l0(e.lx[i], e.ly[i], e.lz[i]), n0(e.nx[i], e.ny[i], e.nz[i]);
+  Vec3 x(e.x[i], e.y[i], e.z[i]);
+  x += curvature == 0 ? Vec3(way * l0)
+                      : Vec3((std::cos(curvature * way) - 1) / curvature * n0 +
+                             std::sin(curvature * way) / curvature * l0);
+  x = Eigen::AngleAxisd(turn, Vec3::UnitZ()) * x;
+  const auto put = [](std::vector<float>& v, double value) {
+    v.push_back(static_cast<float>(value));
+  };
+  put(to.x, x.x()), put(to.y, x.y()), put(to.z, x.z());
+  put(to.nx, n.x()), put(to.ny, n.y()), put(to.nz, n.z());
+  put(to.tx, t.x()), put(to.ty, t.y());
+  // Upwards along the profile, whichever way n_t points.
+  const double sign = l.dot(l0) < 0 ? -1 : 1;
+  put(to.lx, sign * l.x()), put(to.ly, sign * l.y()), put(to.lz, sign * l.z());
+  put(to.mx, p.mx), put(to.my, p.my), put(to.mz, p.mz);
+  put(to.weight, p.weight), put(to.arm, p.arm);
+  put(to.half_along, e.half_along[i] / up);
+  put(to.half_around, e.half_around[i] / across);
 }
 
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
-                          const Vec3& omega, double reach) noexcept {
+                          const Vec3& omega, double reach, std::uint64_t cuts) noexcept {
   const IndexFrame f(workpiece.lattice(), pose);
-  const double speed = v.norm();
-  sampled_direction_ = speed > 0 ? Vec3(v / speed) : Vec3(Vec3::Zero());
-
-  // Pass 1: the cell of every element's sample, and which elements are worth a look-up.
-  const int candidates =
-      omega.squaredNorm() > 0 ? locate_turning(f, v, omega, reach) : locate_straight(f, v, reach);
-
-  // Pass 2: the cut at the corners of each cell that isn't all air.
-  const LevelSet& cut = workpiece.cut();
-  int near = 0;
-  for (int c = 0; c < candidates; ++c) {
-    const int i = candidates_[c];
-    const int x = f.base.x() + cell_x_[i], y = f.base.y() + cell_y_[i], z = f.base.z() + cell_z_[i];
-    const std::int64_t brick = cut.brick_index(x, y, z);
-    if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) continue;
-    float corners[8];
-    cell_corners(cut, x, y, z, corners);
-    for (int k = 0; k < 8; ++k) corner_[k][i] = corners[k];
-    candidates_[near++] = i;
-  }
-
-  // Pass 3: the cut at each of them. Runs of neighbours go together; the few elements in between
-  // are computed and not used.
-  for (int c = 0; c < near;) {
-    const int first = candidates_[c];
-    int last = first;
-    while (c < near && candidates_[c] - last <= kRunGap) last = candidates_[c++];
-    measure(f.a, first, last + 1);
-  }
-
-  // Pass 4: what is engaged, as a whole or part by part.
-  Scan scan{workpiece,
-            f,
-            v.cast<float>(),
-            omega.cast<float>(),
-            static_cast<float>(speed),
-            static_cast<float>(reach),
-            omega.squaredNorm() > 0};
+  const Scan scan{workpiece,
+                  f,
+                  v.cast<float>(),
+                  omega.cast<float>(),
+                  static_cast<float>(v.norm()),
+                  static_cast<float>(reach),
+                  omega.squaredNorm() > 0};
+  begin(scan, pose, cuts);
+  if (scan.turns)
+    advance_turning(scan);
+  else
+    advance_straight(scan);
+  const int candidates = choose(scan);
   contact_.clear();
-  for (int c = 0; c < near; ++c) settle(scan, candidates_[c]);
+  for (int c = 0; c < candidates; ++c) settle(scan, candidates_[c]);
 }
 
-// Element i: in the void or in air, engaged as a whole in one tissue, or divided.
+// Takes the way since the last sample off what was found there.
+void ContactModel::begin(const Scan& scan, const Pose& pose, std::uint64_t cuts) noexcept {
+  const double speed = scan.speed;
+  const Vec3 direction = speed > 0 ? Vec3(scan.v.cast<double>() / speed) : Vec3(Vec3::Zero());
+  const Vec3 turn = (sampled_pose_.orientation.conjugate() * pose.orientation).vec();
+  double way = (pose.position - sampled_pose_.position).norm() + 2 * turn.norm() * arm_;
+  if (!scan.turns) way += look_ahead_ * (direction - sampled_direction_).norm();
+  if (!sampled_ || scan.turns != sampled_turning_) {
+    std::fill(left_.begin(), left_.end(), -1.0f);
+  } else {
+    const auto gone = static_cast<float>(way);
+    for (float& left : left_) left -= gone;
+  }
+  way_ += way;
+  // A cut makes void, and nothing else.
+  if (cuts != sampled_cuts_ || !sampled_ || scan.turns != sampled_turning_)
+    std::fill(settled_.begin(), settled_.end(), -1.0);
+  if (cuts != sampled_cuts_)
+    for (std::size_t i = 0; i < left_.size(); ++i)
+      if (standing_[i].found == Found::kInside) left_[i] = -1;
+  sampled_pose_ = pose;
+  sampled_direction_ = direction;
+  sampled_speed_ = speed;
+  sampled_turning_ = scan.turns;
+  sampled_cuts_ = cuts;
+  sampled_ = true;
+}
+
+// v·n of every element, and half its range over the element, with one velocity for all.
+void ContactModel::advance_straight(const Scan& scan) noexcept {
+  const SurfaceElements& e = elements_;
+  const int n = static_cast<int>(e.size());
+  const float vx = scan.v.x(), vy = scan.v.y(), vz = scan.v.z();
+  const float threshold = -kMarginSine * scan.speed;
+  const float *nx = e.nx.data(), *ny = e.ny.data(), *nz = e.nz.data();
+  const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
+  const float *tx = e.tx.data(), *ty = e.ty.data();
+  const float *turn_around = turn_around_.data(), *turn_along = turn_along_.data();
+  float *advance = advance_.data(), *range = range_.data();
+  std::int32_t* worth = worth_.data();
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz;
+    const float r = std::abs((tx[i] * vx + ty[i] * vy) * turn_around[i]) +
+                    std::abs((lx[i] * vx + ly[i] * vy + lz[i] * vz) * turn_along[i]);
+    advance[i] = s;
+    range[i] = r;
+    worth[i] = s + r > threshold ? 1 : 0;
+  }
+}
+
+// The same with v(s) = v + omega x r(s). What was found along another direction doesn't stand.
+void ContactModel::advance_turning(const Scan& scan) noexcept {
+  const SurfaceElements& e = elements_;
+  const int n = static_cast<int>(e.size());
+  for (int i = 0; i < n; ++i) {
+    const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
+    const float speed = std::sqrt(u.squaredNorm());
+    advance_[i] = e.nx[i] * u.x() + e.ny[i] * u.y() + e.nz[i] * u.z();
+    range_[i] = std::abs((e.tx[i] * u.x() + e.ty[i] * u.y()) * turn_around_[i]) +
+                std::abs((e.lx[i] * u.x() + e.ly[i] * u.y() + e.lz[i] * u.z()) * turn_along_[i]);
+    worth_[i] = advance_[i] + range_[i] > -kMarginSine * speed ? 1 : 0;
+    const Standing& s = standing_[i];
+    if (!(s.ux * u.x() + s.uy * u.y() + s.uz * u.z() >= kSameDirection * speed)) left_[i] = -1;
+  }
+}
+
+// The elements to settle: those that may advance, but for what is known to lie in the void.
+int ContactModel::choose(const Scan&) noexcept {
+  const int n = static_cast<int>(worth_.size());
+  int candidates = 0;
+  for (int i = 0; i < n; ++i) {
+    candidates_[candidates] = i;
+    candidates += worth_[i];
+  }
+  int kept = 0;
+  for (int c = 0; c < candidates; ++c) {
+    const int i = candidates_[c];
+    const bool is_void = (standing_[i].found == Found::kVoid) & (left_[i] >= 0);
+    candidates_[kept] = i;
+    kept += is_void ? 0 : 1;
+  }
+  return kept;
+}
+
 void ContactModel::settle(const Scan& scan, int i) noexcept {
-  if (value_[i] >= extent_[i]) return;
+  if (left_[i] < 0) look(scan, i);
+  const Standing& s = standing_[i];
+  if (s.found == Found::kVoid) return;
+  const float speed = scan.turns
+                          ? scan.velocity_at(elements_.x[i], elements_.y[i], elements_.z[i]).norm()
+                          : scan.speed;
+  const bool none = advance_[i] + range_[i] <= kRounding * speed;
+  const bool whole = advance_[i] >= range_[i];
+  // What can only advance once the motion turns has no force yet.
+  if (s.only != 0 && s.inside_tooth && (none || (whole && s.found == Found::kInside)))
+    add_whole(scan, i, s.only - 1, s.found == Found::kInside ? 1 : s.share);
+  else
+    divide(scan, i);
+}
+
+// Element i in one tissue.
+void ContactModel::add_whole(const Scan& scan, int i, int tissue, float share) noexcept {
+  const float turning =
+      scan.turns ? mx_[i] * scan.omega.x() + my_[i] * scan.omega.y() + mz_[i] * scan.omega.z() : 0;
+  const float spread =
+      scan.turns ? scan.omega.norm() * (elements_.half_along[i] + elements_.half_around[i]) : 0;
+  // With every v that covers() allows.
+  const float surely = advance_[i] - turning - range_[i] - kMarginSine * scan.speed;
+  if (share == 1 && surely > 0 &&
+      static_cast<float>(kLeastSpeed) * surely >= std::max(spread - turning, 0.0f)) {
+    contact_.add_advancing(sums_[i], 1, tissue, scan.turns);
+    return;
+  }
+  for (std::int32_t n = first_node_[i]; n < first_node_[i + 1]; ++n)
+    contact_.add(nodes_[n], tissue, share);
+}
+
+// What is found of element i as a whole.
+void ContactModel::look(const Scan& scan, int i) noexcept {
   const SurfaceElements& e = elements_;
   const Workpiece& workpiece = scan.workpiece;
   const IndexFrame& f = scan.frame;
-  const Index3 cell = f.base + Index3(cell_x_[i], cell_y_[i], cell_z_[i]);
-  // How far the sample lies ahead of the surface, in index space.
-  const float* a = f.a;
-  const Eigen::Vector3f ahead(static_cast<float>(cell_x_[i]) + fx_[i] - f.fx -
-                                  (a[0] * e.x[i] + a[1] * e.y[i] + a[2] * e.z[i]),
-                              static_cast<float>(cell_y_[i]) + fy_[i] - f.fy -
-                                  (a[3] * e.x[i] + a[4] * e.y[i] + a[5] * e.z[i]),
-                              static_cast<float>(cell_z_[i]) + fz_[i] - f.fz -
-                                  (a[6] * e.x[i] + a[7] * e.y[i] + a[8] * e.z[i]));
-  const Advance advance = advance_of(scan, i);
-  const bool whole = value_[i] <= -extent_[i] && advance == Advance::kWhole;
-  Known known;
-  const auto divided = [&] {
-    // What can only advance once the motion turns has no force yet.
-    if (advance == Advance::kNone)
-      divide(scan, i, ahead, known, nodes_, first_node_[i], 2, e.curvature_along[i] == 0 ? 1 : 2);
-    else
-      divide(scan, i, ahead, known, parts_, i * kParts * kParts, kParts, kParts);
-  };
-  // A brick's flags are those of all cells that start in it or in its upper neighbours: taken at
-  // the element's lower corner they hold for all of it.
-  const auto margin = static_cast<int>(std::ceil(std::max(e.half_along[i], e.half_around[i]) /
-                                                 static_cast<float>(workpiece.voxel())));
+  const auto voxel = static_cast<float>(workpiece.voxel());
+  Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
+  const float speed = u.norm();
+  u = speed > 0 ? Eigen::Vector3f(u / speed) : Eigen::Vector3f(Eigen::Vector3f::Zero());
+  Standing s;
+  s.ux = u.x(), s.uy = u.y(), s.uz = u.z();
+  standing_[i] = s;
+  settled_[i] = -1;
+  const Eigen::Vector3f unit = f.turned(u.x(), u.y(), u.z()), ahead = scan.reach * unit;
+  const Eigen::Vector3f at =
+      Eigen::Vector3f(f.fx, f.fy, f.fz) + f.turned(e.x[i], e.y[i], e.z[i]) + ahead;
+  const Index3 cell = f.base + Index3(cell_of(at.x()), cell_of(at.y()), cell_of(at.z()));
+
+  left_[i] = kStands * workpiece.band();
+  const std::int64_t brick = workpiece.cut().brick_index(cell.x(), cell.y(), cell.z());
+  if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) return;
+  const FieldSample cut = field_at(workpiece.cut(), f.base, at);
+  const HalfRanges ranges(e, i, f.gradient(cut));
+  const float extent = ranges.extent();
+  // A wall may bend towards the element's corners.
+  const float clear_of = extent + sag_of(e, i);
+  left_[i] = kStands * (cut.value - clear_of);
+  if (cut.value >= clear_of) return;
+
+  float left = look_for_tissue(scan, i, cell, at, ahead, s);
+  if (left < 0) {  // in air
+    left_[i] = -left;
+    return;
+  }
+  s.share = share_inside(cut.value, extent);
+  s.strips = e.curvature_along[i] == 0 && ranges.along < kAlongWall * e.half_around[i];
+  s.found = Found::kCrossed;
+  left = std::min(left, kCrossedStanding * voxel);
+  // A distance changes by no more than the way: where the nearest wall is farther than a corner
+  // there is none. Else the bur's own last cut may hide one, which it doesn't farther ahead.
+  float clear = -cut.value - std::hypot(e.half_along[i], e.half_around[i]);
+  if (cut.value <= -extent && clear < 0) {
+    const FieldSample farther = field_at(
+        workpiece.cut(), f.base, at + (static_cast<float>(look_ahead_) - scan.reach) * unit);
+    clear = std::min(-extent - cut.value,
+                     -farther.value - HalfRanges(e, i, f.gradient(farther)).extent());
+  }
+  if (s.only != 0 && s.inside_tooth && cut.value <= -extent && clear >= 0) {
+    s.found = Found::kInside;
+    left = std::min(left / kCrossedStanding * kMostStanding, kStands * clear);
+  }
+  left_[i] = left;
+  standing_[i] = s;
+}
+
+// Whether element i lies in the tooth as a whole, and in which tissue. Returns how far that stands,
+// mm; negative where all of it lies in air.
+float ContactModel::look_for_tissue(const Scan& scan, int i, const Index3& cell,
+                                    const Eigen::Vector3f& at, const Eigen::Vector3f& ahead,
+                                    Standing& s) const noexcept {
+  const SurfaceElements& e = elements_;
+  const Workpiece& workpiece = scan.workpiece;
+  const IndexFrame& f = scan.frame;
+  float left = kMostStanding * static_cast<float>(workpiece.voxel());
+  const float sag = sag_of(e, i);
+  // A brick's flags are those of all cells that start in it or in its upper neighbours: taken a
+  // voxel beyond the element's lower corner they hold for all of it.
+  const auto margin = 1 + static_cast<int>(std::ceil(std::max(e.half_along[i], e.half_around[i]) /
+                                                     static_cast<float>(workpiece.voxel())));
   const std::int64_t lower =
       workpiece.cut().brick_index(cell.x() - margin, cell.y() - margin, cell.z() - margin);
   const auto brick = static_cast<std::size_t>(lower);
-  known.only = lower < 0 ? 0 : workpiece.only_tissue(brick);
-  known.inside = lower >= 0 && workpiece.deep(brick);
-  if (!known.inside) {
-    const FieldSample s = field_at(workpiece.tooth().solid, cell, i);
-    const float value = at_surface(s, ahead);
-    const float extent = kSlack * HalfAxes(a, e, i).extent(s) + sag_of(e, i);
-    if (value >= extent) return;
-    if (value > -extent) return divided();
-    known.inside = true;
+  s.only = lower < 0 ? 0 : workpiece.only_tissue(brick);
+  s.inside_tooth = lower >= 0 && workpiece.deep(brick);
+  if (!s.inside_tooth) {
+    const FieldSample solid = field_at(workpiece.tooth().solid, f.base, at);
+    const float value = at_surface(solid, ahead);
+    const float extent = HalfRanges(e, i, f.gradient(solid)).extent() + sag;
+    if (value >= extent) return -std::max(kStands * (value - extent), kLeastExtent);
+    s.inside_tooth = value <= -extent;
+    left = std::min(left, kStands * std::abs(value + extent));
   }
-  for (int k = 0; known.only == 0 && k < tissue_index(Tissue::kOther); ++k) {
-    const FieldSample s = field_at(workpiece.tooth().remains[k], cell, i);
-    if (at_surface(s, ahead) <= -(kSlack * HalfAxes(a, e, i).extent(s) + sag_of(e, i)))
-      known.only = static_cast<std::uint8_t>(k + 1);
+  for (int k = 0; s.only == 0 && k < tissue_index(Tissue::kOther); ++k) {
+    const FieldSample tissue = field_at(workpiece.tooth().remains[k], f.base, at);
+    const float value = at_surface(tissue, ahead);
+    const float extent = HalfRanges(e, i, f.gradient(tissue)).extent() + sag;
+    if (value > -extent) continue;
+    s.only = static_cast<std::uint8_t>(k + 1);
+    left = std::min(left, kStands * (-extent - value));
   }
-  if (known.only == 0) return divided();
-  if (advance == Advance::kNone || (whole && !hides_void(scan, i, ahead))) {
-    const float share = whole ? 1 : share_inside(value_[i], extent_[i]);
-    for (std::int32_t n = first_node_[i]; n < first_node_[i + 1]; ++n)
-      contact_.add(nodes_.element[n], known.only - 1, share);
-    return;
-  }
-  // A wall along a straight profile needs no division along it.
-  if (e.curvature_along[i] == 0 && along_[i] < kAlongWall * e.half_around[i])
-    return divide(scan, i, ahead, known, strips_, i * kParts, kParts, 1);
-  divided();
-}
-
-// A field at the sample of element i, in `cell`.
-FieldSample ContactModel::field_at(const LevelSet& field, const Index3& cell,
-                                   int i) const noexcept {
-  float corners[8];
-  cell_corners(field, cell.x(), cell.y(), cell.z(), corners);
-  return sample_cell(corners, fx_[i], fy_[i], fz_[i]);
-}
-
-// Whether v·n is positive on element i as a whole, or anywhere.
-ContactModel::Advance ContactModel::advance_of(const Scan& scan, int i) const noexcept {
-  const SurfaceElements& e = elements_;
-  const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
-  const float n = u.x() * e.nx[i] + u.y() * e.ny[i] + u.z() * e.nz[i];
-  const float t = u.x() * e.tx[i] + u.y() * e.ty[i];
-  const float l = u.x() * e.lx[i] + u.y() * e.ly[i] + u.z() * e.lz[i];
-  const float range = std::abs(t * e.curvature_around[i] * e.half_around[i]) +
-                      std::abs(l * e.curvature_along[i] * e.half_along[i]);
-  return n + range <= kRounding * scan.speed_of(u) ? Advance::kNone
-         : n >= range                              ? Advance::kWhole
-                                                   : Advance::kPartly;
-}
-
-// The bur's own last cut lies so close behind its surface that it hides the wall of another cut from
-// the field's one sample. Farther ahead it doesn't. Only of elements with value_ < 0; a distance
-// changes by no more than the way, so where the nearest wall is farther than a corner there is none.
-bool ContactModel::hides_void(const Scan& scan, int i,
-                              const Eigen::Vector3f& ahead) const noexcept {
-  const float half_along = elements_.half_along[i], half_around = elements_.half_around[i];
-  if (value_[i] * value_[i] > half_along * half_along + half_around * half_around) return false;
-  const IndexFrame& f = scan.frame;
-  const float farther = static_cast<float>(look_ahead_) / scan.reach - 1;
-  const float ix = static_cast<float>(cell_x_[i]) + fx_[i] + farther * ahead.x();
-  const float iy = static_cast<float>(cell_y_[i]) + fy_[i] + farther * ahead.y();
-  const float iz = static_cast<float>(cell_z_[i]) + fz_[i] + farther * ahead.z();
-  const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
-  float corners[8];
-  cell_corners(scan.workpiece.cut(), f.base.x() + jx, f.base.y() + jy, f.base.z() + jz, corners);
-  const FieldSample s = sample_cell(corners, ix - static_cast<float>(jx),
-                                    iy - static_cast<float>(jy), iz - static_cast<float>(jz));
-  return s.value > -kSlack * HalfAxes(f.a, elements_, i).extent(s);
-}
-
-// The samples of an element's parts.
-struct ContactModel::PartSamples {
-  static constexpr int kMost = kParts * kParts;
-  int count;
-  std::int32_t x[kMost], y[kMost], z[kMost];  // cell, from the tip's voxel
-  float fx[kMost], fy[kMost], fz[kMost];      // place in it
-  float advance[kMost];                       // v·n less the margin, mm/s
-  float corner[8][kMost];
-  float covered[kMost];
-};
-
-void ContactModel::locate_parts(const Scan& scan, const Eigen::Vector3f& ahead, const Parts& parts,
-                                int first, PartSamples& s) const noexcept {
-  const IndexFrame& f = scan.frame;
-  const float* a = f.a;
-  const float bx = f.fx + ahead.x(), by = f.fy + ahead.y(), bz = f.fz + ahead.z();
-  const float *x = &parts.x[first], *y = &parts.y[first], *z = &parts.z[first];
-  const float *nx = &parts.nx[first], *ny = &parts.ny[first], *nz = &parts.nz[first];
-  const float vx = scan.v.x(), vy = scan.v.y(), vz = scan.v.z();
-  const float least = kMarginSine * scan.speed;
-  const int n = s.count;
-#pragma omp simd
-  for (int p = 0; p < n; ++p) {
-    const float ix = bx + a[0] * x[p] + a[1] * y[p] + a[2] * z[p];
-    const float iy = by + a[3] * x[p] + a[4] * y[p] + a[5] * z[p];
-    const float iz = bz + a[6] * x[p] + a[7] * y[p] + a[8] * z[p];
-    const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
-    s.x[p] = jx, s.y[p] = jy, s.z[p] = jz;
-    s.fx[p] = ix - static_cast<float>(jx);
-    s.fy[p] = iy - static_cast<float>(jy);
-    s.fz[p] = iz - static_cast<float>(jz);
-    s.advance[p] = vx * nx[p] + vy * ny[p] + vz * nz[p] + least;
-  }
-  if (!scan.turns) return;
-  for (int p = 0; p < n; ++p) {
-    const Eigen::Vector3f u = scan.velocity_at(x[p], y[p], z[p]);
-    s.advance[p] = u.x() * nx[p] + u.y() * ny[p] + u.z() * nz[p] + kMarginSine * u.norm();
-  }
-}
-
-// Element i part by part.
-void ContactModel::divide(const Scan& scan, int i, const Eigen::Vector3f& ahead, const Known& known,
-                          const Parts& parts, int first, int around, int along) noexcept {
-  const Workpiece& workpiece = scan.workpiece;
-  const LevelSet& cut = workpiece.cut();
-  const IndexFrame& f = scan.frame;
-  const float* a = f.a;
-  const float half_along = elements_.half_along[i] / static_cast<float>(along),
-              half_around = elements_.half_around[i] / static_cast<float>(around);
-  // The part is convex: its rim lies behind its tangent plane by the sag, on average a third of it.
-  const float sag = sag_of(elements_, i) / static_cast<float>(kParts * kParts);
-  const auto wall = kWall * static_cast<float>(workpiece.voxel() * workpiece.voxel()) *
-                    (elements_.curvature_along[i] + elements_.curvature_around[i]);
-  PartSamples s;
-  s.count = around * along;
-  locate_parts(scan, ahead, parts, first, s);
-
-  int live = 0;
-  std::int64_t brick[PartSamples::kMost];
-  int last = -1;  // the part that was looked up last: neighbours share cells
-  for (int p = 0; p < s.count; ++p) {
-    brick[p] = -1;
-    for (auto& corner : s.corner) corner[p] = 0;
-    if (s.advance[p] < 0) continue;
-    const int x = f.base.x() + s.x[p], y = f.base.y() + s.y[p], z = f.base.z() + s.z[p];
-    if (last >= 0 && s.x[p] == s.x[last] && s.y[p] == s.y[last] && s.z[p] == s.z[last]) {
-      brick[p] = brick[last];
-      for (auto& corner : s.corner) corner[p] = corner[last];
-    } else {
-      const std::int64_t b = cut.brick_index(x, y, z);
-      if (b < 0 || workpiece.air(static_cast<std::size_t>(b))) continue;
-      brick[p] = b;
-      float corners[8];
-      cell_corners(cut, x, y, z, corners);
-      for (int k = 0; k < 8; ++k) s.corner[k][p] = corners[k];
-      last = p;
-    }
-    ++live;
-  }
-  if (live == 0) return;
-
-  const float *lx = &parts.lx[first], *ly = &parts.ly[first], *lz = &parts.lz[first];
-  const float *tx = &parts.tx[first], *ty = &parts.ty[first];
-  const int n = s.count;
-#pragma omp simd
-  for (int p = 0; p < n; ++p) {
-    const FieldSample c =
-        sample_cell(s.corner[0][p], s.corner[1][p], s.corner[2][p], s.corner[3][p], s.corner[4][p],
-                    s.corner[5][p], s.corner[6][p], s.corner[7][p], s.fx[p], s.fy[p], s.fz[p]);
-    const float gx = a[0] * c.gx + a[3] * c.gy + a[6] * c.gz;
-    const float gy = a[1] * c.gx + a[4] * c.gy + a[7] * c.gz;
-    const float gz = a[2] * c.gx + a[5] * c.gy + a[8] * c.gz;
-    const float extent = std::abs(gx * lx[p] + gy * ly[p] + gz * lz[p]) * half_along +
-                         std::abs(gx * tx[p] + gy * ty[p]) * half_around;
-    s.covered[p] = share_inside(c.value + wall + sag / 3, extent - 2 * sag / 3);
-  }
-
-  for (int p = 0; p < n; ++p) {
-    float covered = s.covered[p];
-    if (brick[p] < 0 || covered <= 0) continue;
-    const auto b = static_cast<std::size_t>(brick[p]);
-    const bool inside = known.inside || workpiece.deep(b);
-    const std::uint8_t only = known.only != 0 ? known.only : workpiece.only_tissue(b);
-    const ContactSet::Element& e = parts.element[first + p];
-    if (only != 0 && inside) {
-      contact_.add(e, only - 1, covered);
-      continue;
-    }
-    const Index3 cell = f.base + Index3(s.x[p], s.y[p], s.z[p]);
-    const HalfAxes axes(a, Eigen::Vector3f(lx[p], ly[p], lz[p]), Eigen::Vector3f(tx[p], ty[p], 0),
-                        half_along, half_around);
-    if (!inside) {
-      float corners[8];
-      cell_corners(workpiece.tooth().solid, cell.x(), cell.y(), cell.z(), corners);
-      const FieldSample solid = sample_cell(corners, s.fx[p], s.fy[p], s.fz[p]);
-      covered *= share_inside(at_surface(solid, ahead), axes.extent(solid));
-      if (covered <= 0) continue;
-    }
-    if (only != 0) {
-      contact_.add(e, only - 1, covered);
-      continue;
-    }
-    PerTissue<float> share{};
-    tissue_shares(workpiece, b, cell, s.fx[p], s.fy[p], s.fz[p], ahead, axes, share);
-    for (float& k : share) k *= covered;
-    contact_.add(e, share);
-  }
-}
-
-// Pass 1 with one velocity for all elements.
-int ContactModel::locate_straight(const IndexFrame& f, const Vec3& v, double reach) noexcept {
-  const SurfaceElements& e = elements_;
-  const int n = static_cast<int>(e.size());
-  const double speed = v.norm();
-  const Eigen::Vector3f vf = v.cast<float>();
-  const Eigen::Vector3f ahead =
-      speed > 0 ? Eigen::Vector3f((v * (reach / speed)).cast<float>()) : Eigen::Vector3f::Zero();
-  const float* a = f.a;
-  const float bx = f.fx + a[0] * ahead.x() + a[1] * ahead.y() + a[2] * ahead.z();
-  const float by = f.fy + a[3] * ahead.x() + a[4] * ahead.y() + a[5] * ahead.z();
-  const float bz = f.fz + a[6] * ahead.x() + a[7] * ahead.y() + a[8] * ahead.z();
-  const float *x = e.x.data(), *y = e.y.data(), *z = e.z.data();
-  float *fx = fx_.data(), *fy = fy_.data(), *fz = fz_.data();
-  std::int32_t *cx = cell_x_.data(), *cy = cell_y_.data(), *cz = cell_z_.data();
-#pragma omp simd
-  for (int i = 0; i < n; ++i) {
-    const float ix = bx + a[0] * x[i] + a[1] * y[i] + a[2] * z[i];
-    const float iy = by + a[3] * x[i] + a[4] * y[i] + a[5] * z[i];
-    const float iz = bz + a[6] * x[i] + a[7] * y[i] + a[8] * z[i];
-    const std::int32_t jx = cell_of(ix), jy = cell_of(iy), jz = cell_of(iz);
-    cx[i] = jx, cy[i] = jy, cz[i] = jz;
-    fx[i] = ix - static_cast<float>(jx);
-    fy[i] = iy - static_cast<float>(jy);
-    fz[i] = iz - static_cast<float>(jz);
-  }
-  const float threshold = -kMarginSine * static_cast<float>(speed);
-  int candidates = 0;
-  for (int i = 0; i < n; ++i) {
-    candidates_[candidates] = i;
-    candidates += e.nx[i] * vf.x() + e.ny[i] * vf.y() + e.nz[i] * vf.z() > threshold;
-  }
-  return candidates;
-}
-
-// Pass 1 with v(s) = v + omega x r(s).
-int ContactModel::locate_turning(const IndexFrame& f, const Vec3& v, const Vec3& omega,
-                                 double reach) noexcept {
-  const SurfaceElements& e = elements_;
-  const int n = static_cast<int>(e.size());
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  const auto reach_f = static_cast<float>(reach);
-  const float* a = f.a;
-  int candidates = 0;
-  for (int i = 0; i < n; ++i) {
-    const float ux = vf.x() + of.y() * e.z[i] - of.z() * e.y[i];
-    const float uy = vf.y() + of.z() * e.x[i] - of.x() * e.z[i];
-    const float uz = vf.z() + of.x() * e.y[i] - of.y() * e.x[i];
-    const float s = std::sqrt(ux * ux + uy * uy + uz * uz);
-    const float k = s > 0 ? reach_f / s : 0;
-    const float x = e.x[i] + k * ux, y = e.y[i] + k * uy, z = e.z[i] + k * uz;
-    const float ix = f.fx + a[0] * x + a[1] * y + a[2] * z;
-    const float iy = f.fy + a[3] * x + a[4] * y + a[5] * z;
-    const float iz = f.fz + a[6] * x + a[7] * y + a[8] * z;
-    cell_x_[i] = cell_of(ix), cell_y_[i] = cell_of(iy), cell_z_[i] = cell_of(iz);
-    fx_[i] = ix - static_cast<float>(cell_x_[i]);
-    fy_[i] = iy - static_cast<float>(cell_y_[i]);
-    fz_[i] = iz - static_cast<float>(cell_z_[i]);
-    candidates_[candidates] = i;
-    candidates += e.nx[i] * ux + e.ny[i] * uy + e.nz[i] * uz > -kMarginSine * s;
-  }
-  return candidates;
-}
-
-// Pass 3: trilinear value of the cut, and half its range over the element by its gradient.
-void ContactModel::measure(const float* a, int begin, int end) noexcept {
-  const SurfaceElements& e = elements_;
-  const float *c0 = corner_[0].data(), *c1 = corner_[1].data(), *c2 = corner_[2].data(),
-              *c3 = corner_[3].data(), *c4 = corner_[4].data(), *c5 = corner_[5].data(),
-              *c6 = corner_[6].data(), *c7 = corner_[7].data();
-  const float *fx = fx_.data(), *fy = fy_.data(), *fz = fz_.data();
-  const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
-  const float *tx = e.tx.data(), *ty = e.ty.data();
-  const float *half_along = e.half_along.data(), *half_around = e.half_around.data();
-  float *value = value_.data(), *extent = extent_.data(), *along = along_.data();
-#pragma omp simd
-  for (int i = begin; i < end; ++i) {
-    const FieldSample s =
-        sample_cell(c0[i], c1[i], c2[i], c3[i], c4[i], c5[i], c6[i], c7[i], fx[i], fy[i], fz[i]);
-    // Gradient in B (mm/mm): the columns of a are the axes of B in index space, over the voxel
-    // size.
-    const float gx = a[0] * s.gx + a[3] * s.gy + a[6] * s.gz;
-    const float gy = a[1] * s.gx + a[4] * s.gy + a[7] * s.gz;
-    const float gz = a[2] * s.gx + a[5] * s.gy + a[8] * s.gz;
-    value[i] = s.value;
-    along[i] = std::abs(gx * lx[i] + gy * ly[i] + gz * lz[i]) * half_along[i];
-    extent[i] = kSlack * (along[i] + std::abs(gx * tx[i] + gy * ty[i]) * half_around[i]);
-  }
+  return left;
 }
 
 bool ContactModel::covers(const Vec3& v) const noexcept {
   const double speed = v.norm();
-  return speed == 0 || v.dot(sampled_direction_) >= kMarginCosine * speed;
+  if (speed == 0) return true;
+  if (sampled_turning_ && speed < kLeastSpeed * sampled_speed_) return false;
+  return v.dot(sampled_direction_) >= kMarginCosine * speed;
 }
 
 double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,

@@ -5,16 +5,20 @@
 // own velocity: ahead of fresh tissue that is the same as along the normal, and in a slot that is
 // passed again it stays in the void instead of touching the walls.
 //
-// An element that is engaged as a whole counts by two Gauss points along each curved direction. One
-// that a surface crosses (of the tooth, of a cut, of the border of two tissues), or over which v·n
-// changes its sign, is divided into kParts x kParts parts with a sample each, which count by the
-// share of their extent inside: the plane through the sample, by the field's gradient. So the
-// border of the contact is resolved to the parts' size and v·n is that of what is covered; with the
-// element's own v·n the work of overlapping passes is several percent too high.
+// An element that is engaged as a whole counts by Gauss points. One that a surface crosses (of the
+// tooth, of a cut, of the border of two tissues), or over which v·n changes its sign, is divided
+// into four pieces with a sample each. A piece counts by the part of it that is covered and by the
+// place of that part's middle (covered_part.h), so that v·n is that of what is covered; with the
+// piece's own the work of overlapping passes is too high.
 //
 // The level set of the cut is the deepest of all cuts, and the bur's own last cut, a voxel or two
-// behind it, can hide the wall of an earlier one from the sample at the surface. So an element
-// counts as a whole only if a second sample, farther ahead, finds no wall either.
+// behind it, can hide the wall of an earlier one from the sample at the surface. So a second sample,
+// farther ahead, looks for it. Where the surface is nearly parallel to the motion that sample also
+// tells fresh tissue, which the bur's own last cut bends away from, from the wall of a slot that is
+// passed again.
+//
+// From step to step little changes. What was found of an element as a whole is kept until the bur
+// has moved by half of the distance at which it could be different, or a cut was put in place.
 #pragma once
 
 #include <array>
@@ -28,21 +32,24 @@
 
 namespace toothprep {
 
+// An element is this many pieces of `engine.element_mm` wide.
+constexpr int kPiecesAcross = 2;
+
 class ContactModel {
  public:
-  // Parts of at most `element_size` mm; u and alpha per tissue (validated by the caller).
-  ContactModel(const Bur& bur, double element_size, bool clockwise,
+  // Pieces of at most `piece_size` mm; u and alpha per tissue (validated by the caller).
+  ContactModel(const Bur& bur, double piece_size, bool clockwise,
                const PerTissue<GrindingProperties>& tissue);
 
   // Finds the elements in contact for a bur at `pose` that moves with trial velocity v (mm/s, B,
   // not zero unless omega turns it) and turns with omega (rad/s, B). `reach` in mm. Elements that
-  // face away from the motion by more than a margin of 8° are left out; see covers(). Allocates
-  // nothing.
+  // face away from the motion by more than a margin of 3° are left out; see covers(). `cuts`: any
+  // number that changes when the cut does. Allocates nothing.
   void sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v, const Vec3& omega,
-              double reach) noexcept;
+              double reach, std::uint64_t cuts = 0) noexcept;
 
   // Whether every element that advances with v was considered by the last sample(), as far as the
-  // direction of v goes (omega is the handle's and doesn't change within a step).
+  // velocity goes (omega is the handle's and doesn't change within a step).
   bool covers(const Vec3& v) const noexcept;
 
   // What the last sample() found.
@@ -51,60 +58,84 @@ class ContactModel {
   struct IndexFrame;
 
  private:
-  // Points of the surface that stand for parts of elements: an array each, for loops over
-  // neighbours, and beside it what a contact set takes.
-  struct Parts {
-    std::vector<float> x, y, z;                         // mm, B
-    std::vector<float> nx, ny, nz, tx, ty, lx, ly, lz;  // as of SurfaceElements
-    std::vector<ContactSet::Element> element;
-
-    int size() const { return static_cast<int>(element.size()); }
+  static constexpr int kPieces = 4;  // of a divided element: as many as a vector has lanes
+  // Of each element four points of the surface that stand for its pieces.
+  struct Pieces {
+    std::vector<float> x, y, z;                                     // mm, B
+    std::vector<float> nx, ny, nz, tx, ty, lx, ly, lz, mx, my, mz;  // as of SurfaceElements; r x n
+    std::vector<float> weight, arm;                                 // dphi dl and r, mm
+    std::vector<float> half_along, half_around;                     // mm
+  };
+  // What was found of an element as a whole.
+  enum class Found : std::uint8_t {
+    kVoid,    // nothing in contact
+    kInside,  // all of it
+    kCrossed  // by a wall, a surface or a border, or possibly so
+  };
+  struct Standing {
+    Found found = Found::kVoid;
+    bool inside_tooth = false;             // of the tooth's surface, as a whole
+    bool strips = false;                   // what crosses it runs along the profile
+    std::uint8_t only = 0;                 // the label of the one tissue that it lies in, or 0
+    float share = 0;                       // of it in contact, roughly
+    std::array<float, kPieces> covered{};  // share of each of its pieces; see settled_
+    float ux = 0, uy = 0, uz = 0;          // unit, B: the direction that it was looked for in
   };
   // One sample under way.
   struct Scan;
+  // The pieces of an element under way.
+  struct Lanes;
 
-  void add_part(std::size_t i, double around, double along, double share, Parts& to) const;
+  void add_element(std::size_t i);
+  ContactSet::Element point_of(std::size_t i, double around, double along, double share) const;
+  void add_piece(std::size_t i, double around, double along, int across, int up, Pieces& to);
 
-  // The passes of sample(); see there.
-  int locate_straight(const IndexFrame& frame, const Vec3& v, double reach) noexcept;
-  int locate_turning(const IndexFrame& frame, const Vec3& v, const Vec3& omega,
-                     double reach) noexcept;
-  void measure(const float* to_index, int begin, int end) noexcept;
+  void begin(const Scan& scan, const Pose& pose, std::uint64_t cuts) noexcept;
+  void advance_straight(const Scan& scan) noexcept;
+  void advance_turning(const Scan& scan) noexcept;
+  int choose(const Scan& scan) noexcept;
   void settle(const Scan& scan, int i) noexcept;
-  FieldSample field_at(const LevelSet& field, const Index3& cell, int i) const noexcept;
-  // What is known of an element as a whole.
-  struct Known {
-    bool inside = false;    // of the tooth's surface
-    std::uint8_t only = 0;  // the label of the one tissue that it lies in
-  };
-  void divide(const Scan& scan, int i, const Eigen::Vector3f& ahead, const Known& known,
-              const Parts& parts, int first, int around, int along) noexcept;
-  struct PartSamples;
-  void locate_parts(const Scan& scan, const Eigen::Vector3f& ahead, const Parts& parts, int first,
-                    PartSamples& s) const noexcept;
-  enum class Advance { kNone, kPartly, kWhole };
-  Advance advance_of(const Scan& scan, int i) const noexcept;
-  bool hides_void(const Scan& scan, int i, const Eigen::Vector3f& ahead) const noexcept;
+  void look(const Scan& scan, int i) noexcept;
+  float look_for_tissue(const Scan& scan, int i, const Index3& cell, const Eigen::Vector3f& at,
+                        const Eigen::Vector3f& ahead, Standing& standing) const noexcept;
+  void add_whole(const Scan& scan, int i, int tissue, float share) noexcept;
+  void divide(const Scan& scan, int i) noexcept;
+  void feed(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void locate(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void cover(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void note_settled(const Scan& scan, int i, const Lanes& lanes) noexcept;
+  void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces, int first,
+                   Lanes& lanes) noexcept;
 
   SurfaceElements elements_;
   ContactSet contact_;
-
-  // Of each element: the points that stand for it where it is engaged as a whole (two-point Gauss
-  // rule along each curved direction), and its kParts x kParts parts for where it isn't.
+  // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
+  std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
+  std::vector<ContactSet::Sums> sums_;  // as a whole
+  // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each
+  // curved direction), and its pieces, 2 x 2 or four side by side, for where it isn't.
   std::vector<std::int32_t> first_node_;  // and one past the last
-  Parts nodes_, parts_, strips_;
+  std::vector<ContactSet::Element> nodes_;
+  Pieces squares_, strips_;
 
-  // Everything below is an array over the elements, so that the passes of a sample run in place and
-  // side by side. Of a sample: the cell (voxel of its lower corner, from the tip's voxel) and the
-  // place in it, the cut's values at its corners, the cut's value at the element and half its range
-  // over the element.
-  std::vector<std::int32_t> cell_x_, cell_y_, cell_z_;
-  std::vector<float> fx_, fy_, fz_;
-  std::array<std::vector<float>, 8> corner_;
-  std::vector<float> value_, extent_, along_;
-  std::vector<std::int32_t> candidates_;
-  double look_ahead_;  // mm, see hides_void()
+  // Of each element from sample to sample: what was found, and the way that it stands for, mm.
+  std::vector<Standing> standing_;
+  std::vector<float> left_;
+  // Until where on the way each of its pieces is known to be covered as a whole or not at all, mm.
+  std::vector<double> settled_;
+  double way_ = 0;
+  // Of a sample: v·n, half its range over the element, and 1 where it is worth a look.
+  std::vector<float> advance_, range_;
+  std::vector<std::int32_t> worth_, candidates_;
+  double look_ahead_;  // mm
+  double arm_;         // mm, longest from the tip to a point of the head
+
+  Pose sampled_pose_;
   Vec3 sampled_direction_ = Vec3::Zero();
+  double sampled_speed_ = 0;
+  bool sampled_turning_ = false, sampled_ = false;
+  std::uint64_t sampled_cuts_ = 0;
 };
 
 // Area of the elements (of a shank, or a head) whose middle lies in tissue, mm², by the nearest voxel.

@@ -20,6 +20,77 @@ ContactSet::ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>
   area_.resize(capacity);
 }
 
+void ContactSet::Sums::add(const Element& e) noexcept {
+  const float n[3] = {e.nx, e.ny, e.nz}, m[3] = {e.mx, e.my, e.mz};
+  const float w = e.weight;
+  for (int i = 0; i < 3; ++i) {
+    feed[i] += w * e.tx * n[i];
+    feed[3 + i] += w * e.ty * n[i];
+    feed[12 + i] += w * e.arm * n[i];
+    turn[i] += w * e.tx * m[i];
+    turn[3 + i] += w * e.ty * m[i];
+    turn[15 + i] += w * e.arm * m[i];
+    for (int j = 0; j < 3; ++j) turn[6 + 3 * i + j] += w * n[i] * m[j];
+  }
+  const float square[6] = {n[0] * n[0], n[0] * n[1], n[0] * n[2],
+                           n[1] * n[1], n[1] * n[2], n[2] * n[2]};
+  for (int i = 0; i < 6; ++i) feed[6 + i] += w * square[i];
+  feed[15] += e.area;
+}
+
+void ContactSet::clear() noexcept {
+  if (advancing_ > 0) sums_ = {};
+  count_ = advancing_ = 0;
+}
+
+void ContactSet::add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept {
+  advancing_ += elements;
+  Sums& to = sums_[tissue];
+  for (std::size_t i = 0; i < to.feed.size(); ++i) to.feed[i] += sums.feed[i];
+  if (!turns) return;
+  for (std::size_t i = 0; i < to.turn.size(); ++i) to.turn[i] += sums.turn[i];
+}
+
+namespace {
+
+// The force per advance of sums, split along n_t and n_n: with v by columns, and with omega.
+struct SplitForce {
+  Mat3 tangential, normal;
+  Vec3 torque;
+
+  // From sums tx q, ty q, n q, r q for q = n_n.
+  explicit SplitForce(const std::array<float, 16>& s) {
+    tangential << s[0], s[1], s[2], s[3], s[4], s[5], 0, 0, 0;
+    normal << s[6], s[7], s[8], s[7], s[9], s[10], s[8], s[10], s[11];
+    torque << s[12], s[13], s[14];
+  }
+  // The same for q = r x n_n.
+  explicit SplitForce(const std::array<float, 20>& s) {
+    tangential << s[0], s[1], s[2], s[3], s[4], s[5], 0, 0, 0;
+    normal << s[6], s[7], s[8], s[9], s[10], s[11], s[12], s[13], s[14];
+    torque << s[15], s[16], s[17];
+  }
+};
+
+}  // namespace
+
+void ContactSet::add_sums(const Vec3& omega, GrindingResponse& r) const noexcept {
+  r.set.count += advancing_;
+  if (advancing_ == 0) return;
+  const bool turns = omega.squaredNorm() > 0;
+  for (int k = 0; k < kTissueCount; ++k) {
+    if (sums_[k].feed[15] == 0) continue;
+    const double t = ct_[k], n = cn_[k];
+    const SplitForce feed(sums_[k].feed);
+    r.B += t * feed.tangential - n * feed.normal;
+    r.b += t * feed.torque;
+    if (!turns) continue;
+    const SplitForce turn(sums_[k].turn);
+    r.f0 += (t * turn.tangential - n * turn.normal) * omega;
+    r.t0 += t * turn.torque.dot(omega);
+  }
+}
+
 void ContactSet::put(const Element& e, float t, float m) noexcept {
   const int n = count_++;
   nx_[n] = e.nx;
@@ -76,7 +147,7 @@ GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega) const no
   GrindingResponse r;
   r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
   r.b = Vec3(t0, t1, t2);
-  r.set = advancing_set(v, omega);
+  r.set = advancing_of_entries(v, omega);
   if (omega.squaredNorm() > 0) {
     float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
 #pragma omp simd reduction(+ : f0, f1, f2, torque0)
@@ -90,10 +161,17 @@ GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega) const no
     r.f0 = Vec3(f0, f1, f2);
     r.t0 = torque0;
   }
+  add_sums(omega, r);
   return r;
 }
 
 AdvancingSet ContactSet::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
+  AdvancingSet set = advancing_of_entries(v, omega);
+  set.count += advancing_;
+  return set;
+}
+
+AdvancingSet ContactSet::advancing_of_entries(const Vec3& v, const Vec3& omega) const noexcept {
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
   const float *nx = nx_.data(), *ny = ny_.data(), *nz = nz_.data();
@@ -119,7 +197,7 @@ PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) c
     for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? area_[i][k] : 0;
   }
   PerTissue<double> area{};
-  for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k];
+  for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k] + sums_[k].feed[15];
   return area;
 }
 
@@ -145,6 +223,13 @@ PerTissue<TissueBasis> ContactSet::basis(const Vec3& v, const Vec3& omega) const
       sum[k].normal += share * normal;
       sum[k].torque += share * advance * torque_[i];
     }
+  }
+  for (int k = 0; k < kTissueCount; ++k) {
+    if (sums_[k].feed[15] == 0) continue;
+    const SplitForce feed(sums_[k].feed), turn(sums_[k].turn);
+    sum[k].tangential += ct_[k] * (feed.tangential * v + turn.tangential * omega);
+    sum[k].normal -= cn_[k] * (feed.normal * v + turn.normal * omega);
+    sum[k].torque += ct_[k] * (feed.torque.dot(v) + turn.torque.dot(omega));
   }
   return sum;
 }

@@ -22,6 +22,7 @@
 // phi.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -74,12 +75,25 @@ class ContactSet {
     float area;        // ds, mm²
   };
 
-  void clear() noexcept { count_ = 0; }
+  // What several elements make together where all of them advance: sums over them of the weight
+  // dphi dl times the products named. `feed` goes with v, `turn` with omega.
+  struct Sums {
+    // tx n, ty n (3 each), n n (xx, xy, xz, yy, yz, zz), r n (3); the last is ds, mm²
+    std::array<float, 16> feed{};
+    // tx m, ty m (3 each), n m (nx m, ny m, nz m), r m (3), with m = r x n_n; two are not used
+    std::array<float, 20> turn{};
+    void add(const Element& element) noexcept;
+  };
+
+  void clear() noexcept;
   // Adds an element of which `share` lies in each tissue (0 .. 1). Never beyond the capacity.
   void add(const Element& element, const PerTissue<float>& share) noexcept;
   // The same of an element that lies in one tissue only (its index).
   void add(const Element& element, int tissue, float share) noexcept;
-  int size() const { return count_; }
+  // Elements that advance whatever the velocity that the set will be asked about, and lie in one
+  // tissue: they cost next to nothing.
+  void add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept;
+  int size() const { return advancing_ + count_; }
 
   // The response with the advancing set {v·n + omega·(r x n) > 0}; v in mm/s, omega in rad/s, B.
   GrindingResponse response(const Vec3& v, const Vec3& omega) const noexcept;
@@ -95,10 +109,13 @@ class ContactSet {
 
  private:
   void put(const Element& element, float tangential, float normal) noexcept;
+  AdvancingSet advancing_of_entries(const Vec3& v, const Vec3& omega) const noexcept;
+  void add_sums(const Vec3& omega, GrindingResponse& response) const noexcept;
 
   PerTissue<float> ct_{}, cn_{};  // u/(2 pi), u/(2 pi alpha)
   float least_;  // elements count above this advance: 0, or -infinity with `trailing`
-  int count_ = 0;
+  int count_ = 0, advancing_ = 0;
+  PerTissue<Sums> sums_{};  // of the elements that advance anyway
   // One array each: normal, r x n, force per advance (coefficients of n_t and n_n summed), torque
   // per advance, area per tissue.
   std::vector<float> nx_, ny_, nz_, mx_, my_, mz_, qx_, qy_, qz_, torque_;

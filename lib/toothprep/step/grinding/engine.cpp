@@ -22,7 +22,8 @@ class LevelsetEngine final : public GrindingEngine {
         removal_(bur, workpiece, pose) {}
 
   void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept override {
-    contact_.sample(workpiece_, pose, v, omega, kReachVoxels * workpiece_.voxel());
+    contact_.sample(workpiece_, pose, v, omega, kReachVoxels * workpiece_.voxel(),
+                    removal_.cuts_made());
   }
   bool covers(const Vec3& v) const noexcept override { return contact_.covers(v); }
   const ContactSet& contact() const noexcept override { return contact_.contact(); }

@@ -42,7 +42,7 @@ class GrindingEngine {  // of one bur and one workpiece; states in words what th
 // Largest size of the pieces into which the border of the contact is divided, unless the parameters
 // say otherwise: this, or an eighth of the bur's radius if that is less. README.md says how exact
 // the work of a pass then is; the step's cost grows with 1/size.
-constexpr double kElementSize = 0.0375;  // mm
+constexpr double kElementSize = 0.075;  // mm
 
 // The size in mm that `parameters` mean for this bur. Throws Error if it is above a quarter of the
 // bur's radius.

@@ -15,6 +15,8 @@ constexpr double kSubPoseVoxels = 0.55;
 // judged by their centre.
 constexpr int kBlockEdge = 4;
 constexpr int kBlockVoxels = kBlockEdge * kBlockEdge * kBlockEdge;
+constexpr int kBlocks = kBrickVoxels / kBlockVoxels;
+constexpr float kDistanceRounding = 1e-5f;  // mm, of distances in single precision
 // A cut is carved in proportion to the way, a little ahead of the next one's being due; never less
 // than a few bricks a step, so that it ends when the bur rests.
 constexpr double kAhead = 1.25;
@@ -22,6 +24,30 @@ constexpr std::size_t kLeastBricks = 4;
 // The bricks of a cut are visited in leaps of about this part of it, so that those with much to
 // carve and those with nothing come evenly.
 constexpr double kLeap = 0.618;
+
+// The first voxel of a block in its brick.
+Index3 corner_of_block(int block) {
+  return kBlockEdge * Index3(block >> 2, (block >> 1) & 1, block & 1);
+}
+
+// The least value in each block of a brick.
+void least_of_blocks(const float* values, bool uniform, float* low) noexcept {
+  if (uniform) {
+    std::fill_n(low, kBlocks, values[0]);
+    return;
+  }
+  for (int block = 0; block < kBlocks; ++block) {
+    const Index3 corner = corner_of_block(block);
+    const float* from = values + brick_offset(corner.x(), corner.y(), corner.z());
+    float least[kBlockEdge];
+    std::copy(from, from + kBlockEdge, least);
+    for (int row = 1; row < kBlockEdge * kBlockEdge; ++row) {
+      const float* at = from + brick_offset(row / kBlockEdge, row % kBlockEdge, 0);
+      for (int k = 0; k < kBlockEdge; ++k) least[k] = at[k] < least[k] ? at[k] : least[k];
+    }
+    low[block] = *std::min_element(least, least + kBlockEdge);
+  }
+}
 
 }  // namespace
 
@@ -112,71 +138,70 @@ void Removal::apply() noexcept {
       cut.put_constant(c.brick, Workpiece::kAllCut);
     workpiece_.changed().mark(c.brick);
   }
+  if (!carved_.empty()) ++cuts_made_;
   carved_.clear();
+}
+
+// next <- the largest -d_bur of the sub-poses, where that can be above `before`. False if nowhere.
+bool Removal::sweep_brick(const Index3& first, const float* before, bool uniform,
+                          float* next) noexcept {
+  const float band = workpiece_.band(), voxel = static_cast<float>(workpiece_.voxel());
+  const float half_diagonal = 0.5f * static_cast<float>(kBlockEdge - 1) * 1.7320509f * voxel;
+  constexpr float kHalf = 0.5f * (kBlockEdge - 1);
+  alignas(32) float r[kBlocks], z[kBlocks], centre[kBlocks], low[kBlocks];
+  bool touched = false;
+  for (const SubPose& s : sub_poses_) {
+    const Eigen::Vector3f offset = (first.cast<double>() - s.tip).cast<float>();
+    const float* m = s.to_bur;
+    for (int block = 0; block < kBlocks; ++block) {
+      const Eigen::Vector3i corner = corner_of_block(block);
+      const float x = offset.x() + static_cast<float>(corner.x()) + kHalf,
+                  y = offset.y() + static_cast<float>(corner.y()) + kHalf,
+                  w = offset.z() + static_cast<float>(corner.z()) + kHalf;
+      const float bx = m[0] * x + m[1] * y + m[2] * w, by = m[3] * x + m[4] * y + m[5] * w;
+      r[block] = std::sqrt(bx * bx + by * by);
+      z[block] = m[6] * x + m[7] * y + m[8] * w;
+    }
+    bur_.distances(r, z, centre, kBlocks);
+    for (int block = 0; block < kBlocks; ++block) {
+      if (centre[block] > half_diagonal + band) continue;
+      if (!touched) {
+        std::fill(next, next + kBrickVoxels, -band);
+        least_of_blocks(before, uniform, low);
+        touched = true;
+      }
+      // A distance changes by no more than the way from the centre.
+      if (low[block] >= std::min(half_diagonal - centre[block] + kDistanceRounding, band)) continue;
+      const Eigen::Vector3i corner = corner_of_block(block);
+      float* to = next + brick_offset(corner.x(), corner.y(), corner.z());
+      if (centre[block] < -half_diagonal - band) {
+        for (int row = 0; row < kBlockEdge * kBlockEdge; ++row)
+          std::fill_n(to + brick_offset(row / kBlockEdge, row % kBlockEdge, 0), kBlockEdge, band);
+        continue;
+      }
+      carve_block(s, offset + corner.cast<float>(), to);
+    }
+  }
+  return touched;
 }
 
 void Removal::carve_brick(std::size_t brick) noexcept {
   LevelSet& cut = workpiece_.cut();
   const float band = workpiece_.band();
-  const auto voxel = static_cast<float>(workpiece_.voxel());
-  const auto half_diagonal = [voxel](int edge) {
-    return 0.5f * static_cast<float>(edge - 1) * 1.7320509f * voxel;
-  };
-  const Index3 first = cut.brick_origin(brick);
-
-  // The largest -d_bur of the sub-poses.
   alignas(32) float next[kBrickVoxels];
-  bool touched = false;
-  for (const SubPose& s : sub_poses_) {
-    const Eigen::Vector3f offset = (first.cast<double>() - s.tip).cast<float>();
-    const auto distance_at = [&](float x, float y, float z) {
-      const float* m = s.to_bur;
-      const float bx = m[0] * x + m[1] * y + m[2] * z, by = m[3] * x + m[4] * y + m[5] * z,
-                  bz = m[6] * x + m[7] * y + m[8] * z;
-      float r = std::sqrt(bx * bx + by * by), d;
-      bur_.distances(&r, &bz, &d, 1);
-      return d;
-    };
-    constexpr float kHalf = 0.5f * (kBrickEdge - 1);
-    if (distance_at(offset.x() + kHalf, offset.y() + kHalf, offset.z() + kHalf) >
-        half_diagonal(kBrickEdge) + band)
-      continue;
-    if (!touched) {
-      std::fill(next, next + kBrickVoxels, -band);
-      touched = true;
-    }
-    for (int block = 0; block < 8; ++block) {
-      const int x0 = kBlockEdge * (block >> 2), y0 = kBlockEdge * ((block >> 1) & 1),
-                z0 = kBlockEdge * (block & 1);
-      const float ox = offset.x() + static_cast<float>(x0),
-                  oy = offset.y() + static_cast<float>(y0),
-                  oz = offset.z() + static_cast<float>(z0);
-      constexpr float kHalfBlock = 0.5f * (kBlockEdge - 1);
-      const float centre = distance_at(ox + kHalfBlock, oy + kHalfBlock, oz + kHalfBlock);
-      if (centre > half_diagonal(kBlockEdge) + band) continue;
-      if (centre < -half_diagonal(kBlockEdge) - band) {
-        for (int row = 0; row < kBlockEdge * kBlockEdge; ++row)
-          std::fill_n(next + brick_offset(x0 + row / kBlockEdge, y0 + row % kBlockEdge, z0),
-                      kBlockEdge, band);
-        continue;
-      }
-      carve_block(s, Eigen::Vector3f(ox, oy, oz), next + brick_offset(x0, y0, z0));
-    }
-  }
-  if (!touched) return;
+  if (!sweep_brick(cut.brick_origin(brick), cut.brick(brick), cut.is_uniform(brick), next)) return;
 
   const float* before = cut.brick(brick);
-  int changed = 0;
-  bool all_cut = true;
+  int changed = 0, left = 0;
   for (int v = 0; v < kBrickVoxels; ++v) {
     const float now = std::min(std::max(next[v], before[v]), band);
-    changed += now > before[v];
-    all_cut = all_cut && now >= band;
+    changed += now > before[v] ? 1 : 0;
+    left += now < band ? 1 : 0;
     next[v] = now;
   }
   if (changed == 0) return;
   count_removed(brick, before, next);
-  if (all_cut) {
+  if (left == 0) {
     carved_.push_back({brick, nullptr});
     return;
   }
@@ -223,10 +248,22 @@ void Removal::count_removed(std::size_t brick, const float* before, const float*
     return std::min(std::max(0.5f - phi * per_voxel, 0.0f), 1.0f);
   };
   PerTissue<float> fraction{};
+  const double volume = std::pow(workpiece_.voxel(), 3);
+  if (one_tissue) {
+    float sum = 0;
+#pragma omp simd reduction(+ : sum)
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const float gone =
+          inside(std::max(solid[v], before[v])) - inside(std::max(solid[v], after[v]));
+      sum += labels[v] == 0 ? 0 : gone;
+    }
+    removed_[workpiece_.only_tissue(brick) - 1] += volume * sum;
+    return;
+  }
   for (int v = 0; v < kBrickVoxels; ++v) {
     const float gone = inside(std::max(solid[v], before[v])) - inside(std::max(solid[v], after[v]));
     if (gone <= 0 || labels[v] == 0) continue;
-    if (!one_tissue && labels[v] != static_cast<std::uint8_t>(Tissue::kOther)) {
+    if (labels[v] != static_cast<std::uint8_t>(Tissue::kOther)) {
       const float share[3] = {inside(tissues[0].brick(brick)[v]),
                               inside(tissues[1].brick(brick)[v]),
                               inside(tissues[2].brick(brick)[v])};
@@ -238,7 +275,6 @@ void Removal::count_removed(std::size_t brick, const float* before, const float*
     }
     fraction[labels[v] - 1] += gone;
   }
-  const double volume = std::pow(workpiece_.voxel(), 3);
   for (int k = 0; k < kTissueCount; ++k) removed_[k] += volume * fraction[k];
 }
 

@@ -9,6 +9,7 @@
 // then the bur meets the same tissue a little deeper below its surface.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
@@ -35,6 +36,8 @@ class Removal {
 
   // Removed so far per tissue, mm³ (without clear()).
   const PerTissue<double>& removed() const { return removed_; }
+  // How often carved bricks were put in place: what was read of the cut before stands no longer.
+  std::uint64_t cuts_made() const { return cuts_made_; }
 
  private:
   struct SubPose {
@@ -45,6 +48,7 @@ class Removal {
   void carve_some(std::size_t bricks) noexcept;
   void apply() noexcept;
   void carve_brick(std::size_t brick) noexcept;
+  bool sweep_brick(const Index3& first, const float* before, bool uniform, float* next) noexcept;
   void carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* next) noexcept;
   void count_removed(std::size_t brick, const float* before, const float* after) noexcept;
   double displacement(const Pose& from, const Pose& to) const noexcept;
@@ -66,6 +70,7 @@ class Removal {
   };
   std::vector<Carved> carved_;  // capacity reserved once
   PerTissue<double> removed_{};
+  std::uint64_t cuts_made_ = 0;
   bool paused_ = false;
   Pose pause_pose_;
 };

@@ -43,7 +43,7 @@ Session::Work::Work(const Bur& bur, Workpiece& workpiece, const Parameters& para
     : workpiece_(workpiece),
       model_{parameters, drive, bur.shank_elements(kShankElementSize),
              bur.elements(kHeadElementSize)},
-      most_parts_(most_parts(bur.elements(4 * element_size(bur, parameters)).size(),
+      most_parts_(most_parts(bur.elements(kPiecesAcross * element_size(bur, parameters)).size(),
                              parameters.time_step)) {
   if (!first.pose.position.allFinite() || !first.pose.orientation.coeffs().allFinite())
     throw Error("the first handle pose is not finite");

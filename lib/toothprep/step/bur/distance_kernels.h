@@ -1,0 +1,23 @@
+// The distance function as compiled for the processors that it may run on. Internal: Bur::distances()
+// takes the last one; all give the same bits.
+#pragma once
+
+#include <vector>
+
+#include "toothprep/step/bur/bur.h"
+
+namespace toothprep {
+
+struct DistanceKernel {
+  const char* name;
+  void (*run)(const DistanceOutline<float>& outline, const float* r, const float* z, float* out,
+              int n);
+};
+
+// Those that this processor runs, the fastest last.
+std::vector<DistanceKernel> distance_kernels();
+
+// The outline of a head as Bur has it for them.
+DistanceOutline<float> fast_outline(const std::vector<ProfilePiece>& head);
+
+}  // namespace toothprep

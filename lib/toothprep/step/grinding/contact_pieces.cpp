@@ -1,0 +1,368 @@
+// Contact of an element piece by piece: four at a time, as many as a vector has lanes.
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/contact_frame.h"
+#include "toothprep/step/grinding/covered_part.h"
+
+namespace toothprep {
+namespace {
+
+// Interpolated on the lattice, the wall that a convex bur left stands out by D²/12 times its
+// curvature on average. A swept wall is curved across the sweep only, and where two cuts meet the
+// interpolant errs to the other side: a third of the sum of the bur's curvatures is least biased.
+constexpr float kWall = 1.0f / 36;
+// Where the surface is this close to parallel to the motion (sine), tissue counts only if the
+// sample farther ahead finds it too: there the surface bends away from fresh tissue, and the wall of
+// a slot that is passed again is as near as ever.
+constexpr float kParallel = 0.15f;
+// The wall that a convex bur left stands out by at most D²/12 times the sum of its curvatures; but
+// no more is asked for than this part of the depth at which fresh tissue is found.
+constexpr float kWallAtMost = 1.0f / 12;
+constexpr float kFresh = 0.5f;
+constexpr float kLeastShare = 1e-4f;  // of a piece: less is nothing
+// For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
+constexpr double kSettledVoxels = 0.1;
+
+// The axes of a piece in index space, scaled by half its extents: what a field's gradient is
+// multiplied by to get its half range.
+struct HalfAxes {
+  Eigen::Vector3f along, around;
+  float range_along(const FieldSample& s) const {
+    return s.gx * along.x() + s.gy * along.y() + s.gz * along.z();
+  }
+  float range_around(const FieldSample& s) const {
+    return s.gx * around.x() + s.gy * around.y() + s.gz * around.z();
+  }
+  float extent(const FieldSample& s) const {
+    return std::abs(range_along(s)) + std::abs(range_around(s));
+  }
+};
+
+// How a place is shared among the tissues; adds up to 1, or to 0 in air. By the tissues' level
+// sets; where a tissue without one occurs, by the trilinear blend of the labels.
+void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell,
+                   const Eigen::Vector3f& in_cell, const Eigen::Vector3f& ahead,
+                   const HalfAxes& axes, PerTissue<float>& share) noexcept {
+  const LabelGrid& labels = workpiece.labels();
+  if (labels.is_uniform(brick) && (cell.x() & 7) < 7 && (cell.y() & 7) < 7 && (cell.z() & 7) < 7) {
+    const std::uint8_t label = labels.uniform_value(brick);
+    if (label != 0) share[label - 1] = 1;
+    return;
+  }
+  PerTissue<float> blend{};
+  float total = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const int ix = corner >> 2, iy = (corner >> 1) & 1, iz = corner & 1;
+    const std::uint8_t label = labels.value(cell.x() + ix, cell.y() + iy, cell.z() + iz);
+    if (label == 0) continue;
+    const float w = (ix ? in_cell.x() : 1 - in_cell.x()) * (iy ? in_cell.y() : 1 - in_cell.y()) *
+                    (iz ? in_cell.z() : 1 - in_cell.z());
+    blend[label - 1] += w;
+    total += w;
+  }
+  if (total <= 0) return;
+  constexpr int kOther = tissue_index(Tissue::kOther);
+  if (blend[kOther] == 0) {
+    float sum = 0;
+    for (int k = 0; k < kOther; ++k) {
+      float corners[8];
+      cell_corners(workpiece.tooth().remains[k], cell.x(), cell.y(), cell.z(), corners);
+      const FieldSample s = sample_cell(corners, in_cell.x(), in_cell.y(), in_cell.z());
+      share[k] = share_inside(at_surface(s, ahead), axes.extent(s));
+      sum += share[k];
+    }
+    if (sum > 0) {
+      for (int k = 0; k < kOther; ++k) share[k] /= sum;
+      return;
+    }
+  }
+  for (int k = 0; k < kTissueCount; ++k) share[k] = blend[k] / total;
+}
+
+// A field around four points: values, and gradients in B per mm.
+struct Fields {
+  Float4 value, gx, gy, gz;
+};
+
+// The corners of a cell as those of cell_corners(), in two halves.
+inline void read_cell(const LevelSet& field, std::size_t brick, int i, int j, int k, Float4& low,
+                      Float4& high) noexcept {
+  if ((i & 7) < 7 && (j & 7) < 7 && (k & 7) < 7) {
+    const float* v = field.brick(brick) + brick_offset(i & 7, j & 7, k & 7);
+    low = Float4{v[0], v[1], v[8], v[9]};
+    high = Float4{v[64], v[65], v[72], v[73]};
+    return;
+  }
+  float c[8];
+  cell_corners(field, i, j, k, c);
+  low = load4(c), high = load4(c + 4);
+}
+
+}  // namespace
+
+struct ContactModel::Lanes {
+  Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
+  float speed;                  // mm/s, of the element
+  float curvature_along, curvature_around;
+  Float4 ux, uy, uz;  // velocity, mm/s, B
+  Float4 advance;     // v·n, mm/s
+  Float4 ix, iy, iz;  // index of the sample, from the tip's voxel
+  Int4 cx, cy, cz;    // its cell
+  Float4 fx, fy, fz;  // its place in it
+  std::int64_t brick[kPieces];
+  Int4 live;           // -1: may be in contact, 0: not
+  Float4 share, x, y;  // as of CoveredPart
+
+  void find_cells() noexcept {
+    constexpr auto kOffset = static_cast<std::int32_t>(kIndexOffset);  // see cell_of()
+    cx = truncated(ix + kIndexOffset) - kOffset;
+    cy = truncated(iy + kIndexOffset) - kOffset;
+    cz = truncated(iz + kIndexOffset) - kOffset;
+    fx = ix - as_float(cx), fy = iy - as_float(cy), fz = iz - as_float(cz);
+  }
+  // The bricks of the cells; lanes outside of the box, or in air, don't live.
+  void find_bricks(const Workpiece& workpiece, const Index3& base) noexcept {
+    for (int p = 0; p < kPieces; ++p) {
+      if (live[p] == 0) continue;
+      brick[p] = workpiece.cut().brick_index(base.x() + cx[p], base.y() + cy[p], base.z() + cz[p]);
+      if (brick[p] < 0 || workpiece.air(static_cast<std::size_t>(brick[p]))) live[p] = 0;
+    }
+  }
+  // As sample_cell(), four at a time.
+  Fields sample(const LevelSet& field, const IndexFrame& f) const noexcept {
+    Float4 c0{}, c1{}, c2{}, c3{}, c4{}, c5{}, c6{}, c7{};
+    const auto read = [&](int p, Float4& low, Float4& high) {
+      if (live[p])
+        read_cell(field, static_cast<std::size_t>(brick[p]), f.base.x() + cx[p], f.base.y() + cy[p],
+                  f.base.z() + cz[p], low, high);
+    };
+    read(0, c0, c4), read(1, c1, c5), read(2, c2, c6), read(3, c3, c7);
+    transpose(c0, c1, c2, c3);
+    transpose(c4, c5, c6, c7);
+    const Float4 z00 = c0 + fz * (c1 - c0), z01 = c2 + fz * (c3 - c2);
+    const Float4 z10 = c4 + fz * (c5 - c4), z11 = c6 + fz * (c7 - c6);
+    const Float4 y0 = z00 + fy * (z01 - z00), y1 = z10 + fy * (z11 - z10);
+    const Float4 d0 = c1 - c0 + fy * (c3 - c2 - c1 + c0);
+    const Float4 d1 = c5 - c4 + fy * (c7 - c6 - c5 + c4);
+    const Float4 gx = y1 - y0, gy = (z01 - z00) + fx * (z11 - z10 - z01 + z00),
+                 gz = d0 + fx * (d1 - d0);
+    const float* a = f.a;
+    return {y0 + fx * (y1 - y0), a[0] * gx + a[3] * gy + a[6] * gz,
+            a[1] * gx + a[4] * gy + a[7] * gz, a[2] * gx + a[5] * gy + a[8] * gz};
+  }
+};
+
+// Element i piece by piece.
+void ContactModel::divide(const Scan& scan, int i) noexcept {
+  const SurfaceElements& e = elements_;
+  const Standing& standing = standing_[i];
+  const bool strips =
+      e.curvature_along[i] == 0 && (standing.strips || standing.found == Found::kInside);
+  const Pieces& pieces = strips ? strips_ : squares_;
+  const int first = i * kPieces;
+  Lanes lanes;
+  lanes.curvature_along = e.curvature_along[i];
+  lanes.curvature_around = e.curvature_around[i];
+  const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
+  lanes.speed = scan.turns ? u.norm() : scan.speed;
+  const float per_speed = lanes.speed > 0 ? 1 / lanes.speed : 0;
+  lanes.unit = scan.frame.turned(u.x() * per_speed, u.y() * per_speed, u.z() * per_speed);
+  lanes.ahead = scan.reach * lanes.unit;
+  feed(scan, pieces, first, lanes);
+  const Int4 felt = lanes.live;
+  if (!(felt[0] | felt[1] | felt[2] | felt[3])) return;
+  const bool simple = standing.inside_tooth && standing.only != 0;
+  if (simple && standing.found == Found::kInside) {
+    lanes.share = all4(1);
+  } else if (simple && way_ < settled_[i]) {
+    lanes.share = load4(standing.covered.data());
+  } else {
+    lanes.live = Int4{-1, -1, -1, -1};
+    locate(scan, pieces, first, lanes);
+    if (standing.found != Found::kInside) cover(scan, pieces, first, lanes);
+    note_settled(scan, i, lanes);
+  }
+  lanes.share = felt ? lanes.share : Float4{};
+  if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
+  add_covered(scan, standing, pieces, first, lanes);
+}
+
+// Where every piece that advances is covered as a whole or not at all, that holds for a little of
+// the way.
+void ContactModel::note_settled(const Scan& scan, int i, const Lanes& s) noexcept {
+  const Int4 clear = (s.share > 1 - kLeastShare) | (s.share < kLeastShare) | (s.advance <= 0);
+  settled_[i] = -1;
+  if (!(clear[0] & clear[1] & clear[2] & clear[3])) return;
+  for (int p = 0; p < kPieces; ++p) standing_[i].covered[p] = s.share[p];
+  settled_[i] = way_ + kSettledVoxels * scan.workpiece.voxel();
+}
+
+// The velocities of the pieces; those that may advance with a velocity that covers() allows live.
+void ContactModel::feed(const Scan& scan, const Pieces& pieces, int first,
+                        Lanes& s) const noexcept {
+  s.ux = s.uy = s.uz = Float4{};
+  if (scan.turns) {
+    const Float4 x = load4(&pieces.x[first]), y = load4(&pieces.y[first]),
+                 z = load4(&pieces.z[first]);
+    const float ox = scan.omega.x(), oy = scan.omega.y(), oz = scan.omega.z();
+    s.ux = oy * z - oz * y, s.uy = oz * x - ox * z, s.uz = ox * y - oy * x;
+  }
+  s.ux += scan.v.x(), s.uy += scan.v.y(), s.uz += scan.v.z();
+  s.advance = s.ux * load4(&pieces.nx[first]) + s.uy * load4(&pieces.ny[first]) +
+              s.uz * load4(&pieces.nz[first]);
+  // Half of a piece may be in front of its middle.
+  const float turn = std::abs(s.curvature_along * pieces.half_along[first]) +
+                     std::abs(s.curvature_around * pieces.half_around[first]);
+  s.live = s.advance >= -(kMarginSine + turn) * s.speed;
+  s.x = s.y = Float4{};
+}
+
+// The cells of the samples of the pieces, and whether they are in the box and not in air.
+void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
+                          Lanes& s) const noexcept {
+  const IndexFrame& f = scan.frame;
+  const float* a = f.a;
+  const Float4 x = load4(&pieces.x[first]), y = load4(&pieces.y[first]),
+               z = load4(&pieces.z[first]);
+  s.ix = (f.fx + s.ahead.x()) + (a[0] * x + a[1] * y + a[2] * z);
+  s.iy = (f.fy + s.ahead.y()) + (a[3] * x + a[4] * y + a[5] * z);
+  s.iz = (f.fz + s.ahead.z()) + (a[6] * x + a[7] * y + a[8] * z);
+  s.find_cells();
+  s.find_bricks(scan.workpiece, f.base);
+  s.share = s.live ? all4(1) : Float4{};
+}
+
+// The part of each piece that is covered by what remains under the cut.
+void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
+                         Lanes& s) const noexcept {
+  const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
+               lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
+               ty = load4(&pieces.ty[first]);
+  const float along = pieces.half_along[first], around = pieces.half_around[first];
+  const float ka = s.curvature_along, kt = s.curvature_around;
+  const auto voxel = static_cast<float>(scan.workpiece.voxel());
+  const float wall = kWall * voxel * voxel * (ka + kt);
+  const LevelSet& cut = scan.workpiece.cut();
+
+  const Fields here = s.sample(cut, scan.frame);
+  const CoveredPart<Float4> near =
+      covered_part<Float4>(here.value + wall, (here.gx * lx + here.gy * ly + here.gz * lz) * along,
+                           (here.gx * tx + here.gy * ty) * around);
+  s.share = s.live ? near.share : Float4{};
+  s.x = near.x, s.y = near.y;
+  s.live = s.share > kLeastShare;
+  if ((s.live[0] | s.live[1] | s.live[2] | s.live[3]) == 0) return;
+
+  // The same farther ahead; the cells of the samples at the surface stay.
+  const float look = static_cast<float>(look_ahead_) - scan.reach;
+  const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
+  Lanes farther = s;
+  farther.ix += look * s.unit.x(), farther.iy += look * s.unit.y();
+  farther.iz += look * s.unit.z();
+  farther.find_cells();
+  farther.find_bricks(scan.workpiece, scan.frame.base);
+  const Fields there = farther.sample(cut, scan.frame);
+  const Float4 value = farther.live ? there.value + wall : all4(-1e3f);
+  const Float4 back =
+      value - (look * per_speed) * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
+  const Float4 range_along = (there.gx * lx + there.gy * ly + there.gz * lz) * along,
+               range_around = (there.gx * tx + there.gy * ty) * around;
+  // How much the surface is curved along the motion.
+  const Float4 vl = (s.ux * lx + s.uy * ly + s.uz * lz) * per_speed,
+               vt = (s.ux * tx + s.uy * ty) * per_speed;
+  const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
+  const Float4 fresh = (kFresh * 0.5f * look * look) * bend,
+               stands_out = all4(kWallAtMost * voxel * voxel * (ka + kt));
+  const Float4 hidden = least(least(value, back), here.value + wall);
+  const Int4 parallel = s.advance < kParallel * s.speed;
+  const CoveredPart<Float4> far =
+      covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,
+                           range_along, range_around);
+  const Int4 less = far.share < s.share;
+  s.share = less ? far.share : s.share;
+  s.x = less ? far.x : s.x;
+  s.y = less ? far.y : s.y;
+}
+
+// The part of each piece that advances; what doesn't at all is kept for when the motion turns.
+void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) const noexcept {
+  const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
+               lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
+               ty = load4(&pieces.ty[first]);
+  const float turn_along = s.curvature_along * pieces.half_along[first],
+              turn_around = s.curvature_around * pieces.half_around[first];
+  const CoveredPart<Float4> part =
+      covered_part<Float4>(-s.advance, -turn_along * (s.ux * lx + s.uy * ly + s.uz * lz),
+                           -turn_around * (s.ux * tx + s.uy * ty));
+  const Int4 partly = (part.share > kLeastShare) & (part.share < 1 - kLeastShare);
+  const Int4 less = partly & (part.share < s.share);
+  s.x = less ? part.x : s.x;
+  s.y = less ? part.y : s.y;
+  s.share = partly ? s.share * part.share : s.share;
+}
+
+// Puts what is covered into the contact, tissue by tissue.
+void ContactModel::add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces,
+                               int first, Lanes& s) noexcept {
+  const Workpiece& workpiece = scan.workpiece;
+  const IndexFrame& f = scan.frame;
+  const float along = pieces.half_along[first], around = pieces.half_around[first];
+  for (int p = 0; p < kPieces; ++p) {
+    float share = s.share[p], to_along = s.x[p], to_around = s.y[p];
+    if (!(share > kLeastShare)) continue;
+    const int q = first + p;
+    const bool simple = standing.inside_tooth && standing.only != 0;  // else the cell is known
+    const auto b = simple ? std::size_t{0} : static_cast<std::size_t>(s.brick[p]);
+    const bool inside = standing.inside_tooth || workpiece.deep(b);
+    const std::uint8_t only = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
+    HalfAxes axes;
+    const Index3 cell = f.base + Index3(s.cx[p], s.cy[p], s.cz[p]);
+    const Eigen::Vector3f in_cell(s.fx[p], s.fy[p], s.fz[p]);
+    if (!inside || only == 0) {
+      axes.along = along * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]);
+      axes.around = around * f.turned(pieces.tx[q], pieces.ty[q], 0);
+    }
+    if (!inside) {
+      float corners[8];
+      cell_corners(workpiece.tooth().solid, cell.x(), cell.y(), cell.z(), corners);
+      const FieldSample solid = sample_cell(corners, in_cell.x(), in_cell.y(), in_cell.z());
+      const CoveredPart<float> part = covered_part(
+          at_surface(solid, s.ahead), axes.range_along(solid), axes.range_around(solid));
+      if (part.share < share) to_along = part.x, to_around = part.y;
+      share *= part.share;
+      if (!(share > kLeastShare)) continue;
+    }
+    // The middle of what is covered, to first order.
+    const float da = along * to_along, dt = around * to_around;
+    const float turn_l = s.curvature_along * da, turn_t = s.curvature_around * dt;
+    const float radius = pieces.arm[q], round = dt / radius / radius;
+    const float lr = (pieces.lx[q] * pieces.x[q] + pieces.ly[q] * pieces.y[q]) / radius;
+    ContactSet::Element e;
+    e.nx = pieces.nx[q] + turn_l * pieces.lx[q] + turn_t * pieces.tx[q];
+    e.ny = pieces.ny[q] + turn_l * pieces.ly[q] + turn_t * pieces.ty[q];
+    e.nz = pieces.nz[q] + turn_l * pieces.lz[q];
+    e.tx = pieces.tx[q] - round * pieces.x[q];
+    e.ty = pieces.ty[q] - round * pieces.y[q];
+    const float x = pieces.x[q] + da * pieces.lx[q] + dt * pieces.tx[q];
+    const float y = pieces.y[q] + da * pieces.ly[q] + dt * pieces.ty[q];
+    const float z = pieces.z[q] + da * pieces.lz[q];
+    e.mx = y * e.nz - z * e.ny;
+    e.my = z * e.nx - x * e.nz;
+    e.mz = x * e.ny - y * e.nx;
+    e.weight = pieces.weight[q];
+    e.arm = radius + da * lr;
+    e.area = e.weight * e.arm;
+    if (only != 0) {
+      contact_.add(e, only - 1, share);
+      continue;
+    }
+    PerTissue<float> shares{};
+    tissue_shares(workpiece, b, cell, in_cell, s.ahead, axes, shares);
+    for (float& k : shares) k *= share;
+    contact_.add(e, shares);
+  }
+}
+
+}  // namespace toothprep

@@ -1,0 +1,49 @@
+// The part of a rectangle on one side of a line: how much of a small piece of the bur's surface
+// lies in tissue, and where the middle of that part is.
+//
+// A field c + a x + b y over [-1, 1]² is negative on the part asked for. With both moments a force
+// that varies linearly over the piece is integrated exactly over what is covered: with the share
+// alone, and the piece's own middle, every piece at a border errs to the same side.
+#pragma once
+
+#include "toothprep/step/grinding/four_lanes.h"
+
+namespace toothprep {
+
+template <class T>
+struct CoveredPart {
+  T share;  // of the rectangle, 0 .. 1
+  T x, y;   // middle of the covered part, -1 .. 1
+};
+
+// By the field's value c in the middle and its half ranges a and b along x and y. Shares to 1e-5,
+// middles to 1e-3. T is float or Float4.
+template <class T>
+[[nodiscard]] inline CoveredPart<T> covered_part(T c, T a, T b) noexcept {
+  const T zero{}, one = zero + 1;
+  const T least_range = zero + 1e-6f;  // keeps the division defined where the field is flat
+  const T least_ratio = zero + 0.02f;  // the same for a line along an axis
+  const T abs_a = magnitude(a), abs_b = magnitude(b);
+  const T larger = greatest(greatest(abs_a, abs_b), least_range);
+  const T k = greatest(least(abs_a, abs_b) / larger, least_ratio);
+  const T d = least(greatest(c / larger, -one - k), one + k);
+  // In the direction of the larger range the part ends at clamp(u), u = -(d + k y); its integrals
+  // over y are differences of antiderivatives at both ends of u.
+  const T u0 = -d - k, u1 = k - d;
+  const T w0 = least(greatest(u0, -one), one), w1 = least(greatest(u1, -one), one);
+  const T per_range = 0.5f / k;
+  const T first = per_range * (w1 * (u1 - 0.5f * w1) - w0 * (u0 - 0.5f * w0));
+  const T second =
+      per_range * (w1 * w1 * (u1 - (2.0f / 3) * w1) - w0 * w0 * (u0 - (2.0f / 3) * w0));
+  const T cross = per_range * (w1 * (0.5f * u1 * u1 - (1.0f / 6) * (w1 * w1)) -
+                               w0 * (0.5f * u0 * u0 - (1.0f / 6) * (w0 * w0)));
+  const T share = least(greatest(0.5f + 0.5f * first, zero), one);
+  const T per_share = 1 / greatest(share, least_range);
+  const T along = 0.25f * (second - 1) * per_share;
+  const T across = -per_range * (d * first + cross) * per_share;
+  const T p = least(greatest(along, -one), one), q = least(greatest(across, -one), one);
+  const T x = abs_b > abs_a ? q : p, y = abs_b > abs_a ? p : q;
+  return {share, a < 0 ? -x : x, b < 0 ? -y : y};
+}
+
+}  // namespace toothprep

@@ -1,0 +1,54 @@
+// Four numbers at a time, by the compilers' own vector types: SSE2 on every x86-64, NEON on arm64,
+// the same operations in the same order everywhere. Internal to the contact.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+
+namespace toothprep {
+
+using Float4 = float __attribute__((vector_size(16)));
+using Int4 = std::int32_t __attribute__((vector_size(16)));
+
+[[nodiscard]] inline Float4 load4(const float* from) noexcept {
+  Float4 x;
+  std::memcpy(&x, from, sizeof x);
+  return x;
+}
+[[nodiscard]] inline Float4 all4(float x) noexcept { return Float4{x, x, x, x}; }
+[[nodiscard]] inline Int4 truncated(Float4 x) noexcept { return __builtin_convertvector(x, Int4); }
+[[nodiscard]] inline Float4 as_float(Int4 x) noexcept { return __builtin_convertvector(x, Float4); }
+
+// Also of single floats, so that a formula can be tested by itself.
+template <class T>
+[[nodiscard]] inline T least(T a, T b) noexcept {
+  return a < b ? a : b;
+}
+template <class T>
+[[nodiscard]] inline T greatest(T a, T b) noexcept {
+  return a > b ? a : b;
+}
+template <class T>
+[[nodiscard]] inline T magnitude(T a) noexcept {
+  return a < 0 ? -a : a;
+}
+
+// Rows to columns.
+inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {
+#if defined(__clang__)
+  const Float4 ab = __builtin_shufflevector(a, b, 0, 4, 1, 5),
+               cd = __builtin_shufflevector(c, d, 0, 4, 1, 5),
+               AB = __builtin_shufflevector(a, b, 2, 6, 3, 7),
+               CD = __builtin_shufflevector(c, d, 2, 6, 3, 7);
+  a = __builtin_shufflevector(ab, cd, 0, 1, 4, 5), b = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+  c = __builtin_shufflevector(AB, CD, 0, 1, 4, 5), d = __builtin_shufflevector(AB, CD, 2, 3, 6, 7);
+#else
+  const Int4 low{0, 4, 1, 5}, high{2, 6, 3, 7}, first{0, 1, 4, 5}, last{2, 3, 6, 7};
+  const Float4 ab = __builtin_shuffle(a, b, low), cd = __builtin_shuffle(c, d, low),
+               AB = __builtin_shuffle(a, b, high), CD = __builtin_shuffle(c, d, high);
+  a = __builtin_shuffle(ab, cd, first), b = __builtin_shuffle(ab, cd, last);
+  c = __builtin_shuffle(AB, CD, first), d = __builtin_shuffle(AB, CD, last);
+#endif
+}
+
+}  // namespace toothprep
