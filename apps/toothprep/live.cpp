@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <functional>
 #include <iostream>
@@ -22,6 +23,9 @@
 #include "toothprep/build_info.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/engine.h"
+#include "toothprep/step/session/split_step.h"
 #include "toothprep/tools/device/openhaptics_device.h"
 #include "toothprep/tools/device/simulated_device.h"
 #include "toothprep/tools/files/tooth_file.h"
@@ -169,6 +173,19 @@ void check_options(const Options& o) {
     throw Error("--mirror-hand moves the simulated device's mirror only; give --mirror");
   if (simulated && !o.mirror_name.empty())
     throw Error("--mirror names a second real device; the simulated one's moves by --mirror-hand");
+}
+
+// Elements so small that a step may not be done when the next is due.
+void warn_of_small_elements(const Bur& bur, const Parameters& parameters) {
+  if (parameters.engine != EngineKind::kLevelset) return;
+  const double size = element_size(bur, parameters);
+  const double least =
+      least_live_size(size, bur.elements(kPiecesAcross * size).size(), parameters.time_step);
+  if (size < least)
+    warn(
+        fmt::format("engine.element_mm: with {:g} mm the steps may take longer than the {:g} ms "
+                    "that they have; use at least {:.4f} mm",
+                    size, 1e3 * parameters.time_step, std::ceil(least * 1e4) / 1e4));
 }
 
 void check_translation(const std::string& file, const Registration& registration) {
@@ -344,6 +361,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
         fmt::format("the coupling's {:.2f} N/mm is above the {:.2f} N/mm that the device is said "
                     "to render stably; --stiffness-n-per-mm sets it",
                     stiffness, limits.max_stiffness));
+  warn_of_small_elements(bur, settings.parameters);
   settings.limits = limits_of(o, limits);
   settings.buttons = {button_mask(o.pedal), button_mask(o.clutch), !o.ignore_safety_switch};
   settings.readings = readings_of(o, limits);

@@ -32,6 +32,12 @@ int most_parts(std::size_t elements, double time_step) noexcept {
   return static_cast<int>(std::clamp(kShareOfStep * time_step / cost, 2.0, kMostParts));
 }
 
+double least_live_size(double size, std::size_t elements, double time_step) noexcept {
+  // Elements go with the inverse square of their size.
+  return size *
+         std::sqrt(kSecondsPerElement * static_cast<double>(elements) / (kShareOfStep * time_step));
+}
+
 HandleSample handle_between(const HandleSample& from, const HandleSample& to, int part,
                             int parts) noexcept {
   if (part == parts) return to;

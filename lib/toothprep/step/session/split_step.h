@@ -19,6 +19,11 @@ int wanted_parts(double way) noexcept;
 // The most parts that a step may have, for a bur of so many surface elements.
 int most_parts(std::size_t elements, double time_step) noexcept;
 
+// The smallest size in mm (engine.element_mm) whose elements a live step keeps half of its time for,
+// as `size` would have `elements` of them; at most `size` if that does. For the slowest machine that
+// is meant for live use.
+double least_live_size(double size, std::size_t elements, double time_step) noexcept;
+
 // The handle part/parts of the way between two samples.
 HandleSample handle_between(const HandleSample& from, const HandleSample& to, int part,
                             int parts) noexcept;
