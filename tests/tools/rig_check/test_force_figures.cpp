@@ -113,6 +113,49 @@ TEST(DevicePort, ASampledSpringLeaksHalfATickOfNegativeDamping) {
   EXPECT_LT(f->largest_return, stored + 11 * leak);
 }
 
+// The same in closed form: what it leaks is all that sampling explains, so that nothing is left at
+// whole cycles, where the spring is slack again.
+TEST(DevicePort, ASampledSpringIsExplainedToTheLastBit) {
+  constexpr double kStiffness = 1;
+  const PortSpring spring{kStiffness, 0, 0};
+  const auto f =
+      device_port_figures(swinging(10, [&](double x, double) { return -kStiffness * x; }), spring);
+  ASSERT_TRUE(f);
+  EXPECT_LT(f->minimum, -0.2);
+  EXPECT_GT(f->unexplained_minimum, -1e-9);
+  EXPECT_NEAR(f->store, kStiffness * kAmplitude * kAmplitude / 2, 1e-9);
+  EXPECT_NEAR(f->unexplained_return, f->store, 1e-9);
+}
+
+// A spring that pushes back with more than it was pressed with, and one that answers late: with a
+// delay of d ticks it leaks (d + 1/2) k sum dx².
+TEST(DevicePort, AnActiveSpringIsNotExplained) {
+  const PortSpring spring{1, 0, 0};
+  const auto stronger = device_port_figures(
+      swinging(4, [](double x, double dx) { return x * dx > 0 ? -x : -1.2 * x; }), spring);
+  EXPECT_LT(stronger->unexplained_minimum, -5);
+  EXPECT_GT(stronger->unexplained_return / stronger->store, 1.2);
+
+  SessionRecording late = swinging(4, [](double x, double) { return -x; });
+  for (std::size_t i = late.force_sent.size() - 1; i > 2; --i)
+    late.force_sent[i] = late.force_sent[i - 2];
+  const double step = 2 * kAmplitude * std::sin(units::kPi / kCycle);
+  EXPECT_NEAR(device_port_figures(late, spring)->unexplained_minimum,
+              -2 * 4 * kCycle / 2.0 * step * step, 0.1);
+}
+
+// A glitch of a reading moves nothing: the session makes no step in it.
+TEST(DevicePort, ARejectedReadingCountsForNothing) {
+  const PortSpring spring{1, 0, 0};
+  SessionRecording r = swinging(2, [](double x, double) { return -x; });
+  const auto before = device_port_figures(r, spring);
+  r.device_position[300].x() += 20;
+  r.flags[300] |= kReadingRejected;
+  const auto after = device_port_figures(r, spring);
+  EXPECT_NEAR(after->sampling, before->sampling, 0.01 * before->sampling);
+  EXPECT_GT(after->unexplained_minimum, -0.05);
+}
+
 TEST(DevicePort, WithoutForceThereIsNothingToObserve) {
   EXPECT_EQ(device_port_figures(made_recording(10)).why_not, "the device never sent a force");
 }

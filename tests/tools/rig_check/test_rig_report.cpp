@@ -77,12 +77,13 @@ TEST(RigReport, APerfectDevicePassesAndEveryLineHasAValueOrAReason) {
   for (const RigLine& l : report.lines)
     EXPECT_NE(l.value.has_value(), !l.why_not.empty()) << l.figure->key;
   EXPECT_EQ(value(report, "encoder_quantum_mm") > 0.02, true);
-  EXPECT_EQ(line(report, "device_port_minimum_mj").verdict, RigVerdict::kPass);
+  EXPECT_EQ(line(report, "device_port_unexplained_minimum_mj").verdict, RigVerdict::kPass);
   EXPECT_GT(value(report, "device_port_return_mj"), 0.1);  // a spring gives back
   EXPECT_EQ(line(report, "coupling_margin").verdict, RigVerdict::kPass);
   for (const RigLine& l : report.lines) {
     const std::string key = l.figure->key;  // two are of the coupling, which these rows lack
-    if (key == "lag_law_residual_mm" || key == "device_port_return_over_store") continue;
+    if (key == "lag_law_residual_mm" || key == "device_port_unexplained_return_over_store")
+      continue;
     EXPECT_NE(l.verdict, RigVerdict::kFail) << l.figure->key << " " << *l.value;
   }
 }
@@ -96,8 +97,8 @@ TEST(RigReport, AnActiveWorldFailsAtTheDevicesPort) {
       settings, made_header(),
       [](double, const Vec3&, const Vec3& step) -> Vec3 { return 1e-3 / kPeriod * step; }, 4);
   const RigReport report = check_rig(r, shipped(), kNoReplay);
-  EXPECT_LT(value(report, "device_port_minimum_mj"), -1);
-  EXPECT_EQ(line(report, "device_port_minimum_mj").verdict, RigVerdict::kFail);
+  EXPECT_LT(value(report, "device_port_unexplained_minimum_mj"), -1);
+  EXPECT_EQ(line(report, "device_port_unexplained_minimum_mj").verdict, RigVerdict::kFail);
 }
 
 TEST(RigReport, WhatACheckProvokesIsToldNotJudged) {
@@ -108,8 +109,8 @@ TEST(RigReport, WhatACheckProvokesIsToldNotJudged) {
     r.force_sent[i] = Vec3(7.9, 0, 0);
   }
   const RigReport sweep = check_rig(r, shipped(), kNoReplay);
-  EXPECT_LT(value(sweep, "device_port_minimum_mj"), -1);
-  EXPECT_EQ(line(sweep, "device_port_minimum_mj").verdict, RigVerdict::kNoLimit);
+  EXPECT_LT(value(sweep, "device_port_unexplained_minimum_mj"), -1);
+  EXPECT_EQ(line(sweep, "device_port_unexplained_minimum_mj").verdict, RigVerdict::kNoLimit);
   EXPECT_EQ(line(sweep, "force_clamped_share").verdict, RigVerdict::kNoLimit);
   EXPECT_EQ(line(sweep, "lag_law_residual_mm").why_not, "an active check renders no tooth");
   r.header.protocol.clear();

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "toothprep/tools/device/device_fault.h"
+#include "toothprep/tools/rig_check/protocol.h"
 #include "toothprep/tools/rig_check/rig_figures.h"
 
 namespace toothprep {
@@ -48,6 +49,38 @@ const char* name_of(DeviceFault fault) {
 // Time from row i to the next; a period for the last.
 double held_for(const SessionRecording& r, std::size_t i) {
   return i + 1 < r.servo_time.size() ? r.servo_time[i + 1] - r.servo_time[i] : 1 / r.header.rate_hz;
+}
+
+// Least energy, and the largest that came back, of a series that begins at 0.
+struct PortExtremes {
+  explicit PortExtremes(double start)
+      : minimum_at(start), return_from(start), return_to(start), highest_at(start) {}
+  void add(double energy, double time) {
+    if (energy < minimum) {
+      minimum = energy;
+      minimum_at = time;
+    }
+    if (energy > highest) {
+      highest = energy;
+      highest_at = time;
+    }
+    if (highest - energy > largest_return) {
+      largest_return = highest - energy;
+      return_from = highest_at;
+      return_to = time;
+    }
+  }
+  double minimum = 0, minimum_at, largest_return = 0, return_from, return_to;
+  double highest = 0, highest_at;
+};
+
+// What spring and bur store in a row, mJ: by the force that was sent, or the model's where that was
+// limited.
+double stored_energy(const SessionRecording& r, std::size_t i, const PortSpring& spring) {
+  if (!(spring.stiffness > 0)) return 0;
+  const StepRecord& row = r.header.trace.rows[i];
+  const double square = std::max(r.force_sent[i].squaredNorm(), row.device_force.squaredNorm());
+  return square / (2 * spring.stiffness) + spring.mass * row.bur_velocity.squaredNorm() / 2;
 }
 
 }  // namespace
@@ -126,32 +159,51 @@ Measured<LagFigures> lag_figures(const SessionRecording& r, const Parameters& p)
   return f;
 }
 
-Measured<DevicePortFigures> device_port_figures(const SessionRecording& r) {
+PortSpring port_spring(const SessionRecording& r, const Parameters& p) {
+  PortSpring spring;
+  if (!r.header.protocol.empty()) {
+    const Protocol protocol = parse_protocol(r.header.protocol);
+    if (protocol.kind == ProtocolKind::kWall) spring.stiffness = protocol.stiffness_n_per_mm;
+  } else if (r.header.trace.drive == "coupled") {
+    spring = {p.coupling.stiffness, p.coupling.damping, p.coupling.bur_mass};
+  }
+  return spring;
+}
+
+Measured<DevicePortFigures> device_port_figures(const SessionRecording& r,
+                                                const PortSpring& spring) {
   const std::size_t n = r.force_sent.size();
   if (n < 2) return Measured<DevicePortFigures>::no("fewer than two ticks");
+  const double per_square = spring.stiffness / 2 + spring.damping * r.header.rate_hz;
   DevicePortFigures f;
   f.energy.reserve(n);
-  double energy = 0, highest = 0, highest_at = r.servo_time[0];
-  f.minimum_at = f.return_from = f.return_to = r.servo_time[0];
+  PortExtremes measured(r.servo_time[0]), unexplained(r.servo_time[0]);
+  double energy = 0;
+  std::size_t last = 0;  // the row of the last reading that counted
   for (std::size_t i = 0; i < n; ++i) {
-    if (i > 0) energy -= r.force_sent[i].dot(r.device_position[i] - r.device_position[i - 1]);
+    if (!(r.flags[i] & kReadingRejected)) {
+      const Vec3 step = r.device_position[i] - r.device_position[last];
+      energy -= r.force_sent[i].dot(step);
+      if (!(r.flags[i] & kHandleHeld)) f.sampling += per_square * step.squaredNorm();
+      last = i;
+    }
     f.energy.push_back(energy);
     f.peak_force = std::max(f.peak_force, r.force_sent[i].norm());
-    if (energy < f.minimum) {
-      f.minimum = energy;
-      f.minimum_at = r.servo_time[i];
-    }
-    if (energy > highest) {
-      highest = energy;
-      highest_at = r.servo_time[i];
-    }
-    if (highest - energy > f.largest_return) {
-      f.largest_return = highest - energy;
-      f.return_from = highest_at;
-      f.return_to = r.servo_time[i];
-    }
+    f.store = std::max(f.store, stored_energy(r, i, spring));
+    measured.add(energy, r.servo_time[i]);
+    unexplained.add(energy + f.sampling, r.servo_time[i]);
   }
   f.last = energy;
+  f.minimum = measured.minimum;
+  f.minimum_at = measured.minimum_at;
+  f.largest_return = measured.largest_return;
+  f.return_from = measured.return_from;
+  f.return_to = measured.return_to;
+  f.unexplained_minimum = unexplained.minimum;
+  f.unexplained_at = unexplained.minimum_at;
+  f.unexplained_return = unexplained.largest_return;
+  f.unexplained_from = unexplained.return_from;
+  f.unexplained_to = unexplained.return_to;
   if (!(f.peak_force > 0)) return Measured<DevicePortFigures>::no("the device never sent a force");
   return f;
 }

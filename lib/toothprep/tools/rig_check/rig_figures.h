@@ -154,21 +154,46 @@ struct LagFigures {
 Measured<LagFigures> lag_figures(const SessionRecording& recording, const Parameters& parameters);
 
 // Passivity observer at the device's port (Hannaford and Ryu, IEEE Trans. Robotics and Automation
-// 18 (2002) 1-10), for a held force and a sampled position, where the work is exact but for the
-// last count: E_n = -sum f_j . (x_j+1 - x_j), j < n: the energy that the rendered world took from
-// the hand, less what it gave. A passive world never has E < 0.
+// 18 (2002) 1-10): E_n = -sum f_j . dx_j+1, j < n, dx_j = x_j - x_j-1: the energy that the rendered
+// world took from the hand, less what it gave. Rejected readings moved nothing and are left out.
 //
-// Grinding takes so much that the observer alone sees nothing of what comes later. So also: the
-// largest energy that came back, max (E_i - E_j), i < j, against what the coupling's spring could
-// have stored, F_max²/(2 k): a passive bur on a spring gives back no more.
+// A passive world behind a sampled and held spring gives a little: the force answers a step dx only
+// afterwards, so that the spring (k, b) is stretched by it for nothing. A step of the coupled bur
+// with stretch s, mass m and velocity v (backward Euler, v' and s' after it) changes what spring and
+// bur store, H = k s²/2 + m v²/2, by
+//
+//   H' - H = k s . dx + k dx²/2 - k (v' T)²/2 - m (v' - v)²/2 + F_G . v' T
+//
+// where k s . dx is the observer's term and all that stands behind k dx²/2 takes energy. The damper b
+// adds as much as b dx²/T. So, whatever the motion and however coarse the counts,
+//
+//   E_n + A_n >= 0,   A_n = (k/2 + b/T) sum dx_j²,   j <= n
+//
+// and what comes back of E + A is at most the largest H. Slow motion in counts of q has a dx of q
+// per count: k q²/2 each, so that A grows with the path. A spring alone with its far end at rest,
+// the wall of an active check, is the same without a bur. (k/2 + b/T) dx² a tick is the energy in
+// the condition of Colgate and Schenkel, J. Robotic Systems 14 (1997) 37-47.
+struct PortSpring {  // what is between the handle and the world; all zero: nothing is known, A = 0
+  double stiffness = 0;  // k, N/mm
+  double damping = 0;    // b, N·s/mm
+  double mass = 0;       // m, of the bur, N·s²/mm
+};
+// The coupling of a session, the wall of an active check; of anything else nothing.
+PortSpring port_spring(const SessionRecording& recording, const Parameters& parameters);
+
 struct DevicePortFigures {
   std::vector<double> energy;                                 // E_n, mJ, per row
   double minimum = 0, minimum_at = 0;                         // mJ, s
   double last = 0;                                            // mJ
-  double largest_return = 0, return_from = 0, return_to = 0;  // mJ, s, s
+  double largest_return = 0, return_from = 0, return_to = 0;  // mJ, s, s; max (E_i - E_j), i < j
   double peak_force = 0;                                      // N
+  double sampling = 0;                                        // A at the end, mJ
+  double unexplained_minimum = 0, unexplained_at = 0;         // of E + A, mJ, s
+  double unexplained_return = 0, unexplained_from = 0, unexplained_to = 0;  // likewise
+  double store = 0;  // largest H, mJ; 0 without a spring
 };
-Measured<DevicePortFigures> device_port_figures(const SessionRecording& recording);
+Measured<DevicePortFigures> device_port_figures(const SessionRecording& recording,
+                                                const PortSpring& spring = {});
 
 // At the bur's port: the work of the torque (2 pi N T_z) against the energy of what was removed
 // (u per tissue); and the work that the feed does on the tissue, -sum F_G . v h, whose minimum is

@@ -58,6 +58,10 @@ const std::vector<RigFigure>& rig_catalogue() {
       {"device_port_absorbed_mj", "energy", "mJ", "energy taken from the hand"},
       {"device_port_return_mj", "energy", "mJ", "largest energy given back"},
       {"device_port_return_over_store", "energy", "1", "that over the spring's store"},
+      {"device_port_sampling_mj", "energy", "mJ", "what sampling and counts explain, at most"},
+      {"device_port_unexplained_minimum_mj", "energy", "mJ", "observer with that, minimum"},
+      {"device_port_unexplained_return_over_store", "energy", "1",
+       "given back beyond that, over spring and bur"},
       {"bur_torque_work_mj", "energy", "mJ", "work of the torque on the bur"},
       {"bur_removed_energy_mj", "energy", "mJ", "energy of the removed tissue"},
       {"bur_energy_ratio", "energy", "1", "ratio of the two"},
@@ -228,6 +232,34 @@ void put_events(const SessionRecording& r, Values& v, RigReport& report) {
   v.set("final_faults", static_cast<double>(final_ones));
 }
 
+void put_device_port(const SessionRecording& r, const Parameters& p, Values& v, RigReport& report) {
+  const PortSpring spring = port_spring(r, p);
+  const auto f = device_port_figures(r, spring);
+  if (!f)
+    return v.no(f.why_not, {"device_port_minimum_mj", "device_port_absorbed_mj",
+                            "device_port_return_mj", "device_port_return_over_store",
+                            "device_port_sampling_mj", "device_port_unexplained_minimum_mj",
+                            "device_port_unexplained_return_over_store"});
+  const auto span = [](double from, double to) {
+    return fmt::format("from {:.3f} s to {:.3f} s", from, to);
+  };
+  v.set("device_port_minimum_mj", f->minimum, fmt::format("at {:.3f} s", f->minimum_at));
+  v.set("device_port_absorbed_mj", f->last);
+  v.set("device_port_return_mj", f->largest_return, span(f->return_from, f->return_to));
+  v.set("device_port_sampling_mj", f->sampling,
+        spring.stiffness > 0 ? "" : "no spring is known, so nothing is allowed for");
+  v.set("device_port_unexplained_minimum_mj", f->unexplained_minimum,
+        fmt::format("at {:.3f} s", f->unexplained_at));
+  report.device_port = f.value;
+  if (r.header.trace.drive != "coupled")
+    return v.no("the session was not coupled: there is no spring",
+                {"device_port_return_over_store", "device_port_unexplained_return_over_store"});
+  v.set("device_port_return_over_store",
+        f->largest_return * 2 * p.coupling.stiffness / (f->peak_force * f->peak_force));
+  v.set("device_port_unexplained_return_over_store", f->unexplained_return / f->store,
+        span(f->unexplained_from, f->unexplained_to));
+}
+
 void put_coupling(const SessionRecording& r, const Parameters& p, Values& v, RigReport& report) {
   if (const auto f = lag_figures(r, p)) {
     v.set("lag_mean_mm", f->mean);
@@ -238,21 +270,7 @@ void put_coupling(const SessionRecording& r, const Parameters& p, Values& v, Rig
     v.no(f.why_not,
          {"lag_mean_mm", "lag_largest_mm", "lag_force_over_k_mm", "lag_law_residual_mm"});
   }
-  if (const auto f = device_port_figures(r)) {
-    v.set("device_port_minimum_mj", f->minimum, fmt::format("at {:.3f} s", f->minimum_at));
-    v.set("device_port_absorbed_mj", f->last);
-    v.set("device_port_return_mj", f->largest_return,
-          fmt::format("from {:.3f} s to {:.3f} s", f->return_from, f->return_to));
-    if (r.header.trace.drive == "coupled")
-      v.set("device_port_return_over_store",
-            f->largest_return * 2 * p.coupling.stiffness / (f->peak_force * f->peak_force));
-    else
-      v.no("the session was not coupled: there is no spring", {"device_port_return_over_store"});
-    report.device_port = f.value;
-  } else {
-    v.no(f.why_not, {"device_port_minimum_mj", "device_port_absorbed_mj", "device_port_return_mj",
-                     "device_port_return_over_store"});
-  }
+  put_device_port(r, p, v, report);
   if (const auto f = bur_port_figures(r, p)) {
     const std::string note = f->audited ? "the session's audit" : "summed over the rows";
     v.set("bur_torque_work_mj", f->torque_work, note);
@@ -416,7 +434,8 @@ void put_protocol(const SessionRecording& r, const RigMethod& method, Values& v,
 bool provoked(const std::optional<Protocol>& protocol, const std::string& key) {
   if (!protocol || protocol->kind == ProtocolKind::kRest || protocol->kind == ProtocolKind::kWall)
     return false;
-  for (const char* figure : {"device_port_minimum_mj", "force_rate_limited_share"})
+  for (const char* figure :
+       {"device_port_minimum_mj", "device_port_unexplained_minimum_mj", "force_rate_limited_share"})
     if (key == figure) return true;
   if (protocol->kind == ProtocolKind::kStep) return false;
   for (const char* figure : {"force_clamped_share", "force_heat_limited_share", "thermal_load"})
@@ -445,10 +464,11 @@ RigReport check_rig(const SessionRecording& r, const RigLimits& limits,
   if (report.protocol)
     v.no("an active check renders no tooth",
          {"lag_mean_mm", "lag_largest_mm", "lag_force_over_k_mm", "lag_law_residual_mm",
-          "device_port_return_over_store", "bur_torque_work_mj", "bur_removed_energy_mj",
-          "bur_energy_ratio", "bur_port_minimum_mj", "coupling_stiffness_n_per_mm",
-          "coupling_margin", "device_stiffness_margin", "tooth_damping_n_s_per_m", "direct_margin",
-          "replay_differing_rows", "replay_first_difference_s", "replay_force_difference_n"});
+          "device_port_return_over_store", "device_port_unexplained_return_over_store",
+          "bur_torque_work_mj", "bur_removed_energy_mj", "bur_energy_ratio", "bur_port_minimum_mj",
+          "coupling_stiffness_n_per_mm", "coupling_margin", "device_stiffness_margin",
+          "tooth_damping_n_s_per_m", "direct_margin", "replay_differing_rows",
+          "replay_first_difference_s", "replay_force_difference_n"});
 
   for (const RigFigure& figure : rig_catalogue()) {
     const Values::Entry& entry = v.at(figure.key);
