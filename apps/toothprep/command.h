@@ -26,6 +26,7 @@ void add_mesh(CLI::App& app, const Common& common);
 void add_figures(CLI::App& app, const Common& common);
 void add_rig_check(CLI::App& app, const Common& common);
 void add_live(CLI::App& app, const Common& common);
+void add_recover(CLI::App& app, const Common& common);
 void add_calibrate(CLI::App& app, const Common& common);
 void add_batch(CLI::App& app, const Common& common);
 void add_render(CLI::App& app, const Common& common);

@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "command.h"
+#include "strictness.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/outputs.h"
 
@@ -19,6 +20,7 @@ void run(const Options& o, const Common& common) {
   const std::string table = outputs.file(o.output, {".csv"});
   outputs.begin();
   const Trace trace = read_trace(o.trace);
+  if (trace.unfinished) warn(unfinished_text(o.trace));
   write_trace_csv(trace, table);
   outputs.publish();
   say(common, o.output + ": " + std::to_string(trace.rows.size()) + " rows");

@@ -117,6 +117,7 @@ void judge_trace(const std::string& path, const Trace& trace, double peak_force,
 
 void describe_trace(const std::string& path, Json& info, Warnings& warnings) {
   const Trace trace = read_trace(path);
+  if (trace.unfinished) warnings.push_back(unfinished_text(path));
   info["kind"] = "trace";
   info["file_schema"] = "toothprep-trace";
   std::vector<HandleSample> handle;

@@ -288,10 +288,10 @@ RecordTarget record_target(const Options& o) {
 // Prints the run's figures; throws Error if it ended by a fault or its recording isn't whole.
 void report(const Options& o, const Common& common, const HapticDevice& device,
             const RecordedRun& run, const LiveOutcome* session) {
-  if (!common.quiet && isatty(STDERR_FILENO) != 0) std::fputc('\n', stderr);
   report_ticks(common, run.ticks);
   if (run.dropped > 0) warn(fmt::format("{} ticks could not be recorded", run.dropped));
-  say(common, fmt::format("{}: {} rows; ended by: {}", o.output, run.rows, run.end.reason));
+  if (run.rows > 0)
+    say(common, fmt::format("{}: {} rows; ended by: {}", o.output, run.rows, run.end.reason));
   if (o.json) std::cout << json_text(report_json(run, o, device, session));
   const double missed = run.ticks.missed_share();
   const std::string missing = fmt::format(
@@ -301,8 +301,13 @@ void report(const Options& o, const Common& common, const HapticDevice& device,
   if (run.ticks.rejected > 0)
     warn(fmt::format("{} readings of the hand could not be believed: no step was made there",
                      run.ticks.rejected));
-  if (run.end.fault) throw Error(run.end.reason + " (recorded in " + o.output + ")");
+  if (run.end.fault)
+    throw Error(run.end.reason + (run.rows > 0 ? " (recorded in " + o.output + ")"
+                                               : "; " + o.output + " was not written"));
   if (!run.failure.empty()) throw Error(run.failure);
+  if (run.rows == 0)
+    throw Error(o.output + ": was not written, since the session had not begun when it ended (" +
+                run.end.reason + ")");
   if (missed > kTooManyMissed && o.device != "simulated") throw Error(missing);
   if (missed > kManyMissed) warn(missing);
 }

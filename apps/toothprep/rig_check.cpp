@@ -85,6 +85,7 @@ void run(const Options& o, const Common& common) {
 
   const RigLimits limits = read_rig_limits(limits_file);
   const SessionRecording recording = read_session(o.session);
+  if (!recording.complete) warn(unfinished_text(o.session));
   RigReport report;
   try {
     check_recording(recording);

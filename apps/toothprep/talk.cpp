@@ -37,7 +37,7 @@ struct Talk::Shared {
     std::unique_lock lock(mutex);
     for (;;) {
       changed.wait(lock, [this] { return leave || !lines.empty() || !status.empty(); });
-      if (lines.empty() && status.empty()) break;
+      if (lines.empty() && status.empty()) break;  // all is said
       std::string text = status_stands && !lines.empty() ? "\n" : "";
       status_stands = !status.empty() || (status_stands && lines.empty());
       for (const std::string& line : lines) text += line + "\n";
@@ -46,6 +46,11 @@ struct Talk::Shared {
       status.clear();
       lock.unlock();
       write_all(text);
+      lock.lock();
+    }
+    if (status_stands) {
+      lock.unlock();
+      write_all("\n");
       lock.lock();
     }
     idle = true;

@@ -63,7 +63,7 @@ TEST(SessionRecorder, WithoutMemoryStopsTheRecordingAndNotTheProgram) {
   std::this_thread::sleep_for(std::chrono::milliseconds(300));  // the recorder looks every 50 ms
   no_memory = false;
   ASSERT_TRUE(recorder.failure());
-  EXPECT_NE(recorder.failure()->find("Its first 100 rows can be read"), std::string::npos)
+  EXPECT_NE(recorder.failure()->find("its first 100 rows can be read"), std::string::npos)
       << *recorder.failure();
 }
 

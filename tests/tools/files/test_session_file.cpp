@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <limits>
+#include <random>
 #include <sstream>
+#include <thread>
 
 #include "recording_cases.h"
 #include "toothprep/step/core/errors.h"
@@ -236,12 +239,19 @@ TEST(SessionFile, WithoutFinishAllRowsAreThereButItIsNotComplete) {
   EXPECT_EQ(r.end_reason, "");
 }
 
-TEST(SessionFile, WithoutARowItSaysSo) {
+TEST(SessionFile, WithoutARowThereIsNoFile) {
   const ScratchFile file("empty");
   { SessionRecorder recorder(file.path, synthetic_header()); }
-  EXPECT_TRUE(is_session_file(file.path));
-  EXPECT_THAT(error_of([&] { static_cast<void>(read_session(file.path)); }),
-              HasSubstr("holds no rows"));
+  EXPECT_FALSE(std::filesystem::exists(file.path));
+  std::ofstream(file.path) << "the recording of before";
+  RecorderOptions options;
+  options.replace = true;
+  {
+    SessionRecorder recorder(file.path, synthetic_header(), options);
+    recorder.finish({{}, "a fault at the start"});
+    EXPECT_EQ(recorder.rows(), 0);
+  }
+  EXPECT_EQ(std::filesystem::file_size(file.path), 23u);
 }
 
 TEST(SessionFile, NumbersThatAreNotFiniteAreStoredAsZeroAndTold) {
@@ -295,9 +305,73 @@ TEST(SessionFile, AnOlderFileIsReplacedOnlyWhenAskedFor) {
   EXPECT_EQ(text, "something");
   RecorderOptions options;
   options.replace = true;
-  { SessionRecorder recorder(file.path, synthetic_header(), options); }
-  EXPECT_THAT(error_of([&] { static_cast<void>(read_session(file.path)); }),
-              HasSubstr("holds no rows"));
+  SessionRecorder recorder(file.path, synthetic_header(), options);
+  recorder.push(synthetic_tick(0));
+  std::ifstream(file.path) >> text;
+  EXPECT_EQ(text, "something");  // until there are rows
+  recorder.finish({{}, "duration"});
+  EXPECT_EQ(read_session(file.path).tick.size(), 1u);
+}
+
+std::string bytes_of(const std::string& path) {
+  std::ostringstream bytes;
+  bytes << std::ifstream(path, std::ios::binary).rdbuf();
+  return bytes.str();
+}
+
+// One bit anywhere, in a finished recording and in one that was not closed: refused, or nothing is
+// another value.
+TEST(SessionFile, AFlippedBitIsRefusedOrHarmless) {
+  const ScratchFile finished("finished"), open_end("open_end"), damaged("damaged");
+  record(finished.path, false, 600);
+  {
+    SessionRecorder recorder(open_end.path, synthetic_header());
+    for (int i = 0; i < 600; ++i) recorder.push(synthetic_tick(i));
+  }
+  for (const std::string& path : {finished.path, open_end.path}) {
+    const std::string whole = bytes_of(path);
+    std::mt19937 random(18);
+    int refused = 0;
+    for (int flip = 0; flip < 120; ++flip) {
+      std::string changed = whole;
+      // Every other one in the first part, where the metadata stand.
+      const std::size_t at = random() % (flip % 2 ? whole.size() : 60000);
+      changed[at] = static_cast<char>(changed[at] ^ (1 << random() % 8));
+      std::ofstream(damaged.path, std::ios::binary) << changed;
+      try {
+        const SessionRecording r = read_session(damaged.path);
+        expect_same_header(r.header, synthetic_header());
+        expect_same_rows(r, 600, false);
+        EXPECT_EQ(r.complete, path == finished.path) << at;
+        EXPECT_EQ(r.end_reason, path == finished.path ? "duration" : "") << at;
+        if (HasFailure()) GTEST_FAIL() << "byte " << at;
+      } catch (const InputError&) {
+        ++refused;
+      }
+    }
+    EXPECT_GT(refused, 80);
+  }
+}
+
+// HDF5's SWMR readers take zeros for what lies beyond the end of a file.
+TEST(SessionFile, ARecordingThatWasCutOffIsRefused) {
+  const ScratchFile file("whole"), cut("cut");
+  {
+    SessionRecorder recorder(file.path, synthetic_header());
+    for (int i = 0; i < kRows; ++i) recorder.push(synthetic_tick(i));
+    while (recorder.rows() < kRows - 250) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::ofstream(cut.path, std::ios::binary) << bytes_of(file.path);  // as a kill leaves it
+  }
+  EXPECT_EQ(read_session(cut.path).tick.size(), kRows / 250 * 250u);
+  for (const double share : {0.9, 0.5, 0.3}) {
+    const std::string bytes = bytes_of(cut.path);
+    std::filesystem::resize_file(
+        cut.path, static_cast<std::size_t>(share * static_cast<double>(bytes.size())));
+    EXPECT_THAT(error_of([&] { static_cast<void>(read_session(cut.path)); }), HasSubstr("cut off"));
+    EXPECT_THAT(error_of([&] { static_cast<void>(read_trace(cut.path)); }), HasSubstr("cut off"));
+    EXPECT_THAT(error_of([&] { static_cast<void>(read_h5_trajectory(cut.path)); }),
+                HasSubstr("cut off"));
+  }
 }
 
 }  // namespace

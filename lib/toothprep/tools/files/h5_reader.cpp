@@ -8,6 +8,7 @@
 
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/core/tissue.h"
+#include "toothprep/tools/files/h5_checksums.h"
 #include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
@@ -63,34 +64,86 @@ std::string printable(std::string text) {
   return text;
 }
 
+std::vector<std::string> object_names(Id file) {
+  std::vector<std::string> names;
+  H5Lvisit(
+      file, H5_INDEX_NAME, H5_ITER_INC,
+      [](hid_t, const char* name, const H5L_info_t* link, void* all) -> herr_t {
+        if (link->type == H5L_TYPE_HARD)
+          static_cast<std::vector<std::string>*>(all)->push_back(std::string("/") + name);
+        return 0;
+      },
+      &names);
+  return names;
+}
+
+// Chunks are appended one after the other, so those within are the first ones, but for a few that
+// found a gap.
+std::uint64_t rows_within(Id dataset, std::uint64_t bytes) {
+  constexpr std::uint64_t kOutOfOrder = 8;
+  const Handle space(H5Dget_space(dataset), H5Sclose);
+  const Handle creation(H5Dget_create_plist(dataset), H5Pclose);
+  hsize_t size[H5S_MAX_RANK] = {}, chunk[H5S_MAX_RANK] = {};
+  H5Sget_simple_extent_dims(space.get(), size, nullptr);
+  if (H5Pget_layout(creation.get()) != H5D_CHUNKED ||
+      H5Pget_chunk(creation.get(), H5S_MAX_RANK, chunk) < 1 || chunk[0] == 0)
+    return size[0];
+  const auto is_within = [&](std::uint64_t index) {
+    const hsize_t first[H5S_MAX_RANK] = {index * chunk[0]};
+    unsigned filters = 0;
+    haddr_t at = 0;
+    hsize_t length = 0;
+    return H5Dget_chunk_info_by_coord(dataset, first, &filters, &at, &length) >= 0 &&
+           at != HADDR_UNDEF && at + length <= bytes;
+  };
+  std::uint64_t within = 0, beyond = (size[0] + chunk[0] - 1) / chunk[0];
+  while (within < beyond) {
+    const std::uint64_t middle = within + (beyond - within) / 2;
+    (is_within(middle) ? within : beyond) = is_within(middle) ? middle + 1 : middle;
+  }
+  for (std::uint64_t back = 1; back <= std::min(kOutOfOrder, beyond); ++back)
+    if (!is_within(beyond - back)) within = beyond - back;
+  return std::min<std::uint64_t>(within * chunk[0], size[0]);
+}
+
+OpenFile open_to_read(const std::string& path) {
+  OpenFile opened;
+  opened.file = Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
+  if (opened.file) return opened;
+  // A checksum that doesn't hold may be a block that is being written: HDF5 waits and reads again,
+  // twice as long each time; a hundred times by itself, which takes 10 s of a damaged file.
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_metadata_read_attempts(access.get(), kReadAttempts);
+  opened.file =
+      Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access.get()), H5Fclose);
+  opened.shared = true;
+  return opened;
+}
+
 Reader::Reader(const std::string& path) : path_(path) {
   regular_file_size(path);
   stay_in_the_file();
   if (H5Fis_hdf5(path.c_str()) <= 0)
     throw InputError(path, "", "is not an HDF5 file or cannot be read",
                      "give a trace or a trajectory (.h5)");
-  file_ = Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-  if (!file_) {
-    // A checksum that doesn't hold may be a block that is being written: HDF5 waits and reads again,
-    // twice as long each time; a hundred times by itself, which takes 10 s of a damaged file.
-    const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-    H5Pset_metadata_read_attempts(access.get(), kReadAttempts);
-    file_ =
-        Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access.get()), H5Fclose);
-    growing_ = true;
-  }
+  OpenFile opened = open_to_read(path);
+  file_ = std::move(opened.file);
+  growing_ = shared_ = opened.shared;
   if (!file_)
     throw InputError(path, "", "is truncated, damaged or being written", "record it again");
-  // A recorder that was stopped early closes its file, and says that it isn't complete.
-  if (!growing_ && H5Aexists(file_.get(), "complete") > 0)
-    growing_ = number("live").value_or(0) == 1 && number("complete") == 0.0;
+  // A recorder that was stopped early closes its file, and says that it isn't complete. Asked first:
+  // what is written at the end of a session is there if it is, and may be half written if not.
+  complete_ = number("complete") == 1.0;
+  growing_ = growing_ || (number("live").value_or(0) == 1 && number("complete") == 0.0);
 }
 
 bool Reader::has(const std::string& name) const {
   for (std::size_t slash = 1; slash != 0;) {
     slash = name.find('/', slash);
     const std::string part = name.substr(0, slash);
-    if (H5Lexists(file_.get(), part.c_str(), H5P_DEFAULT) <= 0) return false;
+    const htri_t there = H5Lexists(file_.get(), part.c_str(), H5P_DEFAULT);
+    if (there < 0) refuse(part, "cannot be looked for: the file is damaged");
+    if (there == 0) return false;
     H5L_info_t link;
     if (H5Lget_info(file_.get(), part.c_str(), &link, H5P_DEFAULT) >= 0 &&
         link.type != H5L_TYPE_HARD && link.type != H5L_TYPE_SOFT)
@@ -119,6 +172,60 @@ void Reader::cut_to_shortest(const std::vector<std::string>& names) {
     if (size[0] == 0)
       refuse(name, "holds no rows", "the recording has just begun, or was cut off at once");
     rows_ = std::min<std::uint64_t>(size[0], rows_.value_or(kMostSamples));
+  }
+  check_end();
+}
+
+void Reader::check_end() const {
+  haddr_t end = 0;
+  const std::uint64_t bytes = regular_file_size(path_);
+  if (!shared_ || H5Fget_eoa(file_.get(), &end) < 0 || end <= bytes) return;
+  for (const std::string& name : object_names(file_.get())) {
+    const Set set{
+        Handle(H5Oopen(file_.get(), name.c_str(), H5P_DEFAULT), H5Oclose), name, 0, 0, {}};
+    if (!set.handle) refuse(name, "cannot be read: the file is damaged or was cut off", remedy());
+    if (H5Iget_type(set.handle.get()) != H5I_DATASET) continue;
+    const std::vector<std::uint64_t> size = extent(set);
+    if (size.empty()) continue;
+    const std::uint64_t within = rows_within(set.handle.get(), bytes);
+    if (within < size[0])
+      refuse(name,
+             "has " + std::to_string(size[0]) + " rows, of which the file holds " +
+                 std::to_string(within) + ": it was cut off",
+             "copy it again; " + remedy());
+  }
+}
+
+// What can't be looked up is no lack.
+bool Reader::has_attribute(const char* name) const {
+  const htri_t there = H5Aexists(file_.get(), name);
+  if (there < 0)
+    refuse(std::string("attribute ") + name, "cannot be looked for: the file is damaged");
+  return there > 0;
+}
+
+std::string Reader::remedy() const {
+  if (number("live").value_or(0) != 1) return "make it again";
+  return "toothprep recover keeps what can be read";
+}
+
+void Reader::verify_checksums() const {
+  const bool open_end =
+      number("live").value_or(0) == 1 && !complete_ && number("recovered").value_or(0) != 1;
+  for (const char* list : {kChecksumsOfHead, kChecksums}) {
+    if (open_end && list == kChecksums) continue;  // may be half written
+    const std::string lines = text(list).value_or("");
+    if (lines.empty()) continue;
+    const auto allow = [this](std::size_t values) {
+      limit_trial(kTrialSeconds + kSecondsPerValue * static_cast<double>(values),
+                  kTrialMemory + kBytesPerRow * proven_rows_);
+    };
+    const std::vector<std::string> different = differing(file_.get(), lines, allow);
+    if (!different.empty())
+      refuse(different.front(),
+             "is not what was written: its checksum differs, so the file was " +
+                 std::string("damaged or changed"),
+             "copy it again from where it was made; " + remedy());
   }
 }
 
@@ -160,7 +267,7 @@ std::vector<double> Reader::values_of(const Set& set) const {
   }
   if (H5Dread(set.handle.get(), H5T_NATIVE_DOUBLE, memory ? memory.get() : H5S_ALL,
               stored ? stored.get() : H5S_ALL, H5P_DEFAULT, values.data()) < 0)
-    refuse(set.name, "cannot be read: the file is damaged", "record it again");
+    refuse(set.name, "cannot be read: the file is damaged", remedy());
   return values;
 }
 
@@ -191,6 +298,7 @@ std::vector<double> Reader::read_time() {
 }
 
 std::optional<std::string> Reader::text(const char* name) const {
+  if (!has_attribute(name)) return {};
   return text(file_.get(), name, "/");
 }
 
@@ -201,7 +309,7 @@ std::string Reader::require_text(const char* name) const {
 }
 
 std::optional<double> Reader::number(const char* name) const {
-  if (H5Aexists(file_.get(), name) <= 0) return {};
+  if (!has_attribute(name)) return {};
   const Handle attribute(H5Aopen(file_.get(), name, H5P_DEFAULT), H5Aclose);
   const Handle type(H5Aget_type(attribute.get()), H5Tclose);
   const Handle space(H5Aget_space(attribute.get()), H5Sclose);
@@ -221,7 +329,7 @@ double Reader::require_number(const char* name) const {
 }
 
 std::optional<std::vector<double>> Reader::numbers(const char* name, std::size_t count) const {
-  if (H5Aexists(file_.get(), name) <= 0) return {};
+  if (!has_attribute(name)) return {};
   const Handle attribute(H5Aopen(file_.get(), name, H5P_DEFAULT), H5Aclose);
   const Handle type(H5Aget_type(attribute.get()), H5Tclose);
   const Handle space(H5Aget_space(attribute.get()), H5Sclose);
@@ -363,16 +471,9 @@ std::vector<std::string> Reader::strings(const Handle& attribute, const std::str
                                             : "1 to " + std::to_string(most) + " texts"));
   std::vector<std::string> result;
   if (H5Tis_variable_str(type.get()) > 0) {
-    const Handle memory(H5Tcopy(H5T_C_S1), H5Tclose);
-    H5Tset_size(memory.get(), H5T_VARIABLE);
-    H5Tset_cset(memory.get(), H5Tget_cset(type.get()));
-    std::vector<char*> texts(static_cast<std::size_t>(count), nullptr);
-    const bool ok = H5Aread(attribute.get(), memory.get(), texts.data()) >= 0;
-    for (char* t : texts) {
-      result.emplace_back(ok && t ? t : "");
-      if (ok && t) H5free_memory(t);
-    }
-    if (!ok) refuse(place, "cannot be read: the file is damaged");
+    auto texts = texts_of(attribute, most);
+    if (!texts) refuse(place, "cannot be read: the file is damaged");
+    result = std::move(*texts);
   } else {
     const std::size_t size = H5Tget_size(type.get());
     if (size > kLongestText) refuse(place, "is longer than 1 MB");

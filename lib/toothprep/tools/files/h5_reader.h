@@ -3,7 +3,8 @@
 //
 // A file that a recorder still writes, or whose recorder was killed, is opened as HDF5's SWMR
 // readers do. Its datasets may differ by a tail that was not written any more: rows are cut to the
-// shortest (cut_to_shortest), and where /time stops increasing.
+// shortest (cut_to_shortest), and where /time stops increasing. If rows lie beyond the end of the
+// file, which HDF5 would read as zeros, the file was cut off and is refused.
 #pragma once
 
 #include <cstddef>
@@ -20,6 +21,13 @@
 
 namespace toothprep::h5 {
 
+// As every reader does, or else as SWMR readers do; no file: it can't be.
+struct OpenFile {
+  Handle file;
+  bool shared = false;  // opened as SWMR readers do: marked as being written
+};
+OpenFile open_to_read(const std::string& path);
+
 class Reader {
  public:
   explicit Reader(const std::string& path);
@@ -29,6 +37,9 @@ class Reader {
 
   // Being written, or left by a recorder that was killed.
   bool growing() const { return growing_; }
+
+  // A recording that said, when it was opened, that it is closed.
+  bool complete() const { return complete_; }
 
   // Also false for a link that leads nowhere.
   bool has(const std::string& name) const;
@@ -47,6 +58,10 @@ class Reader {
   };
   Set open(const std::string& name, const char* unit, int width, bool unit_required,
            bool per_tissue = false);
+
+  // Refuses the file if it isn't what its lists of checksums say (h5_checksums.h). That of the head
+  // always counts, that of all once the recording is complete. To be called last: rows are known.
+  void verify_checksums() const;
 
   // All values, finite.
   std::vector<double> read(const Set& set) const;
@@ -79,9 +94,18 @@ class Reader {
   std::vector<std::string> strings(const Handle& attribute, const std::string& place,
                                    std::int64_t most) const;
 
+  // Refuses a file that was cut off: rows that lie beyond its end.
+  void check_end() const;
+
+  bool has_attribute(const char* name) const;
+
+  // What helps against damage: a recording can be recovered.
+  std::string remedy() const;
+
   std::string path_;
   Handle file_;
-  bool growing_ = false;
+  bool growing_ = false, complete_ = false;
+  bool shared_ = false;  // opened as SWMR readers do
   std::optional<std::size_t> rows_;
   std::size_t proven_rows_ = 0;
 };
@@ -89,8 +113,17 @@ class Reader {
 // Of a damaged file's text, what can be shown in a line.
 std::string printable(std::string text);
 
+// Of all groups and datasets, as "/group/name".
+std::vector<std::string> object_names(Id file);
+
+// Of a dataset in chunks, how many of its rows lie within the first `bytes` of the file.
+std::uint64_t rows_within(Id dataset, std::uint64_t bytes);
+
 // Lets a child process parse the file; throws InputError if that fails.
 void try_parsing(const std::string& path, const std::function<void(Reader&)>& parse);
+
+// Whether all of a file is looked at, checksums too, or just what tells its kind.
+enum class Extent { kWhole, kGlance };
 
 // parse(Reader&) for a file that may be damaged. HDF5 (1.10 at least) follows some damaged
 // references blindly: it crashes, loops or takes gigabytes. So, unless the policy is kDirect, a
@@ -98,12 +131,18 @@ void try_parsing(const std::string& path, const std::function<void(Reader&)>& pa
 // may take half a second of CPU time for what is no data, and as much more for data as the rows need
 // that were found so far (Reader::read).
 template <class Parse>
-auto read_with_care(const std::string& path, ReadPolicy policy, Parse parse) {
+auto read_with_care(const std::string& path, ReadPolicy policy, Parse parse,
+                    Extent extent = Extent::kWhole) {
   const auto lock = lock_hdf5();
   const Quiet quiet;
-  if (policy == ReadPolicy::kTrial) try_parsing(path, [&](Reader& in) { parse(in); });
+  const auto parse_and_verify = [&](Reader& in) {
+    auto result = parse(in);
+    if (extent == Extent::kWhole) in.verify_checksums();
+    return result;
+  };
+  if (policy == ReadPolicy::kTrial) try_parsing(path, parse_and_verify);
   Reader in(path);
-  return parse(in);
+  return policy == ReadPolicy::kTrial ? parse(in) : parse_and_verify(in);
 }
 
 }  // namespace toothprep::h5

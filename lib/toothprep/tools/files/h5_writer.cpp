@@ -5,9 +5,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstring>
 #include <limits>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/h5_checksums.h"
+#include "toothprep/tools/io/write_file.h"
 
 namespace toothprep::h5 {
 namespace {
@@ -15,9 +20,6 @@ namespace {
 // Chunks of about this many bytes: a viewer reads one quickly, and gzip has enough to work on.
 constexpr std::size_t kChunkBytes = 256 * 1024;
 constexpr unsigned kGzipLevel = 4;
-
-// Rows of a chunk of a growing file: about a second at 1 kHz.
-constexpr hsize_t kGrowingChunk = 1024;
 
 hid_t type_of(Storage storage) {
   switch (storage) {
@@ -35,6 +37,45 @@ hid_t type_of(Storage storage) {
   return H5T_IEEE_F64LE;
 }
 
+static_assert(std::endian::native == std::endian::little, "stored_bytes() gives the machine's");
+
+template <class T>
+void put(const double* values, std::size_t count, std::vector<char>& bytes) {
+  bytes.resize(count * sizeof(T));
+  // The largest double that is a T.
+  const double least = static_cast<double>(std::numeric_limits<T>::lowest()),
+               most = sizeof(T) < 8 ? static_cast<double>(std::numeric_limits<T>::max())
+                                    : 9223372036854774784.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const T value = static_cast<T>(std::clamp(values[i], least, most));
+    std::memcpy(bytes.data() + i * sizeof(T), &value, sizeof(T));
+  }
+}
+
+// As they are stored: whole numbers cut off to what their type holds.
+std::vector<char> stored_bytes(const double* values, std::size_t count, Storage storage) {
+  std::vector<char> bytes;
+  switch (storage) {
+    case Storage::kUint32:
+      put<std::uint32_t>(values, count, bytes);
+      break;
+    case Storage::kUint8:
+      put<std::uint8_t>(values, count, bytes);
+      break;
+    case Storage::kInt32:
+      put<std::int32_t>(values, count, bytes);
+      break;
+    case Storage::kInt64:
+      put<std::int64_t>(values, count, bytes);
+      break;
+    case Storage::kDouble:
+      bytes.resize(count * sizeof(double));
+      std::memcpy(bytes.data(), values, bytes.size());
+      break;
+  }
+  return bytes;
+}
+
 // Strings of variable length: the kind that h5py and MATLAB give back as plain text.
 Handle string_type(bool ascii) {
   Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
@@ -50,9 +91,21 @@ bool is_ascii(const std::string& value) {
 
 Handle scalar() { return {H5Screate(H5S_SCALAR), H5Sclose}; }
 
+std::string path_of(Id object) {
+  char path[256] = "/";
+  H5Iget_name(object, path, sizeof path);
+  return path;
+}
+
+std::vector<std::uint64_t> shape_of_rows(std::uint64_t rows, int width) {
+  if (width == 1) return {rows};
+  return {rows, static_cast<std::uint64_t>(width)};
+}
+
 }  // namespace
 
-Writer::Writer(const std::string& path) : path_(path) {
+Writer::Writer(const std::string& path) : path_(path), shown_(path) {
+  errno = 0;
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
   check(H5Pset_obj_track_times(creation.get(), false));
   file_ = Handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.get(), H5P_DEFAULT), H5Fclose);
@@ -61,7 +114,9 @@ Writer::Writer(const std::string& path) : path_(path) {
   check(H5Pset_obj_track_times(group_creation_.get(), false));
 }
 
-Writer::Writer(const std::string& path, Growing) : path_(path) {
+Writer::Writer(const std::string& path, const std::string& shown, Growing)
+    : path_(path), shown_(shown) {
+  errno = 0;
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
   check(H5Pset_obj_track_times(creation.get(), false));
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
@@ -115,7 +170,13 @@ void Writer::dataset(const char* name, const char* unit, const std::vector<doubl
   check(H5Pset_fill_value(creation.get(), H5T_NATIVE_DOUBLE, &zero));
   check(H5Pset_fill_time(creation.get(), H5D_FILL_TIME_ALLOC));
   const Handle set = make_dataset(name, storage, space.get(), creation.get());
-  check(H5Dwrite(set.get(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()));
+  const std::vector<char> bytes = stored_bytes(values.data(), values.size(), storage);
+  errno = 0;
+  check(H5Dwrite(set.get(), type_of(storage), H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()));
+  Sha256 hash;
+  hash.update(bytes.data(), bytes.size());
+  dataset_lines_.insert(
+      dataset_line(name, type_of(storage), shape_of_rows(rows, width), hash.hex()));
   describe(set, unit, tissues);
 }
 
@@ -138,7 +199,25 @@ void Writer::integer(const char* name, std::int64_t value) {
             scalar());
 }
 
+std::set<std::string> Writer::attribute_lines(const std::set<std::string>& without) const {
+  std::set<std::string> lines;
+  for (const auto& [object, name] : attributes_) {
+    if (object == "/" && without.count(name) != 0) continue;
+    const auto line = attribute_line(file_.get(), object, name);
+    if (!line) fail();
+    lines.insert(*line);
+  }
+  return lines;
+}
+
+void Writer::write_checksums() {
+  std::set<std::string> lines = attribute_lines({});
+  lines.insert(dataset_lines_.begin(), dataset_lines_.end());
+  text(kChecksums, checksum_list(lines));
+}
+
 void Writer::close() {
+  errno = 0;
   check(H5Fflush(file_.get(), H5F_SCOPE_GLOBAL));
   if (!file_.reset()) fail();
 }
@@ -160,19 +239,26 @@ void Writer::texts(Id object, const char* name, const std::vector<std::string>& 
 
 void Writer::attribute(Id object, const char* name, Id stored, Id given, const void* value,
                        const Handle& space) {
+  errno = 0;
   const Handle made(H5Acreate2(object, name, stored, space.get(), H5P_DEFAULT, H5P_DEFAULT),
                     H5Aclose);
   check(made.get());
   check(H5Awrite(made.get(), given, value));
+  attributes_.emplace(path_of(object), name);
 }
 
 void Writer::check(Id status) const {
   if (status < 0) fail();
 }
 
-void Writer::fail() const { throw Error(path_ + ": cannot be written; is the disk full?"); }
+// HDF5 leaves errno as the system set it.
+void Writer::fail() const {
+  throw Error(shown_ + ": cannot be written: " + why_not_written(path_, errno));
+}
 
-GrowingWriter::GrowingWriter(const std::string& path) : Writer(path, Growing{}) {}
+GrowingWriter::GrowingWriter(const std::string& path, const std::string& shown,
+                             std::size_t rows_per_chunk)
+    : Writer(path, shown, Growing{}), rows_per_chunk_(rows_per_chunk) {}
 
 GrowingWriter::~GrowingWriter() { columns_.clear(); }
 
@@ -181,37 +267,54 @@ std::size_t GrowingWriter::column(const char* name, const char* unit, int width,
   const int dimensions = width == 1 ? 1 : 2;
   const hsize_t size[2] = {0, static_cast<hsize_t>(width)};
   const hsize_t most[2] = {H5S_UNLIMITED, size[1]};
-  const hsize_t chunk[2] = {kGrowingChunk, size[1]};
+  const hsize_t chunk[2] = {rows_per_chunk_, size[1]};
   const Handle space(H5Screate_simple(dimensions, size, most), H5Sclose);
   const Handle creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  const double zero = 0;
   check(H5Pset_obj_track_times(creation.get(), false));
   check(H5Pset_chunk(creation.get(), dimensions, chunk));
-  check(H5Pset_fill_time(creation.get(), H5D_FILL_TIME_NEVER));  // it would need the cache
-  columns_.push_back({make_dataset(name, storage, space.get(), creation.get()), width, 0});
+  check(H5Pset_fletcher32(creation.get()));
+  // The last chunk's tail is written, too: say what it holds.
+  check(H5Pset_fill_value(creation.get(), H5T_NATIVE_DOUBLE, &zero));
+  check(H5Pset_fill_time(creation.get(), H5D_FILL_TIME_ALLOC));
+  columns_.push_back({name, make_dataset(name, storage, space.get(), creation.get()), width,
+                      storage, 0, std::make_unique<Sha256>()});
   describe(columns_.back().set, unit, tissues);
   return columns_.size() - 1;
 }
 
-void GrowingWriter::start() { check(H5Fstart_swmr_write(file_.get())); }
+void GrowingWriter::start(const std::set<std::string>& changing) {
+  text(kChecksumsOfHead, checksum_list(attribute_lines(changing)));
+  text(kChecksums, "");
+  check(H5Fstart_swmr_write(file_.get()));
+}
 
-void GrowingWriter::append(std::size_t column, const std::vector<double>& values) {
+void GrowingWriter::append(std::size_t column, const double* values, std::size_t rows) {
+  if (rows == 0) return;
   Column& c = columns_[column];
   const auto width = static_cast<hsize_t>(c.width);
   const hsize_t start[2] = {c.rows, 0};
-  const hsize_t count[2] = {values.size() / width, width};
+  const hsize_t count[2] = {rows, width};
   const hsize_t size[2] = {start[0] + count[0], width};
+  const std::vector<char> bytes = stored_bytes(values, rows * width, c.storage);
+  errno = 0;
   check(H5Dset_extent(c.set.get(), size));
   const Handle stored(H5Dget_space(c.set.get()), H5Sclose);
   const Handle memory(H5Screate_simple(c.width == 1 ? 1 : 2, count, nullptr), H5Sclose);
   check(H5Sselect_hyperslab(stored.get(), H5S_SELECT_SET, start, nullptr, count, nullptr));
-  check(H5Dwrite(c.set.get(), H5T_NATIVE_DOUBLE, memory.get(), stored.get(), H5P_DEFAULT,
-                 values.data()));
+  check(H5Dwrite(c.set.get(), type_of(c.storage), memory.get(), stored.get(), H5P_DEFAULT,
+                 bytes.data()));
+  c.hash->update(bytes.data(), bytes.size());
   c.rows = size[0];
 }
 
-void GrowingWriter::flush() { check(H5Fflush(file_.get(), H5F_SCOPE_GLOBAL)); }
+void GrowingWriter::flush() {
+  errno = 0;
+  check(H5Fflush(file_.get(), H5F_SCOPE_GLOBAL));
+}
 
 void GrowingWriter::set_text(const char* name, const std::string& value) {
+  errno = 0;
   const Handle made(H5Aopen(file_.get(), name, H5P_DEFAULT), H5Aclose);
   check(made.get());
   const Handle type(H5Aget_type(made.get()), H5Tclose);
@@ -222,9 +325,23 @@ void GrowingWriter::set_text(const char* name, const std::string& value) {
 void GrowingWriter::set_number(const char* name, double value) { set_numbers(name, {value}); }
 
 void GrowingWriter::set_numbers(const char* name, const std::vector<double>& values) {
+  errno = 0;
   const Handle made(H5Aopen(file_.get(), name, H5P_DEFAULT), H5Aclose);
   check(made.get());
   check(H5Awrite(made.get(), H5T_NATIVE_DOUBLE, values.data()));
+}
+
+void GrowingWriter::write_checksums(const std::set<std::string>& attributes) {
+  std::set<std::string> lines;
+  for (const std::string& name : attributes) {
+    const auto line = attribute_line(file_.get(), "/", name);
+    if (!line) fail();
+    lines.insert(*line);
+  }
+  for (Column& c : columns_)
+    lines.insert(
+        dataset_line(c.name, type_of(c.storage), shape_of_rows(c.rows, c.width), c.hash->hex()));
+  set_text(kChecksums, checksum_list(lines));
 }
 
 void GrowingWriter::close() {

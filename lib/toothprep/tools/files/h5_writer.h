@@ -1,12 +1,16 @@
 // Writing HDF5 files: whole ones, and ones that grow by rows while other programs read them.
-// A failed call throws Error: the file can't be written, as a rule because the disk is full.
+// A failed call throws Error, which says why the file can't be written.
 // Callers hold lock_hdf5().
 #pragma once
 
 #include <cstddef>
+#include <memory>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "toothprep/step/core/hash.h"
 #include "toothprep/tools/files/hdf5_handle.h"
 #include "toothprep/tools/files/trace_columns.h"
 
@@ -30,49 +34,65 @@ class Writer {
   void numbers(const char* name, const std::vector<double>& values);
   void integer(const char* name, std::int64_t value);  // 32 bits where they do
 
+  // The attribute `checksums` of all that was written so far (h5_checksums.h).
+  void write_checksums();
+
   void close();
 
  protected:
   struct Growing {};
-  Writer(const std::string& path, Growing);
+  Writer(const std::string& path, const std::string& shown, Growing);
 
   Handle make_dataset(const char* name, Storage storage, Id space, Id creation);
   void describe(const Handle& set, const char* unit, const std::vector<std::string>& tissues);
   void text(Id object, const char* name, const std::string& value);
   void check(Id status) const;
   [[noreturn]] void fail() const;
+  // The lines of the attributes that were written, but those of the root that are named.
+  std::set<std::string> attribute_lines(const std::set<std::string>& without) const;
 
-  std::string path_;
+  std::string path_, shown_;  // where it is; what messages call it
   Handle file_, group_creation_;
+  std::set<std::string> dataset_lines_;
 
  private:
   void texts(Id object, const char* name, const std::vector<std::string>& values);
   void attribute(Id object, const char* name, Id stored, Id given, const void* value,
                  const Handle& space);
+
+  std::set<std::pair<std::string, std::string>> attributes_;  // that were written: object, name
 };
 
 // A file whose datasets grow: first its groups, columns and attributes, then start(), then
 // append() and flush() as often as one likes. From start() on others may read it
 // (h5py.File(f, "r", swmr=True), Reader), and see the rows up to the last flush; so they do after
-// the program was killed. Needs HDF5 1.10 to be read. Rows are stored as they are, uncompressed:
-// a chunk can then be filled in place.
+// the program was killed. Needs HDF5 1.10 to be read.
+//
+// Rows are stored in chunks of a fixed number of them, each with a Fletcher-32 checksum. A chunk with
+// a checksum is written as a whole, so appending part of one and going on later would write it
+// anew, and a kill in between would damage rows that were safe. Append whole chunks, but at the end.
 class GrowingWriter : public Writer {
  public:
-  explicit GrowingWriter(const std::string& path);  // replaces a file
-  ~GrowingWriter();                                 // close() or abandon() was not called: closes
+  // Replaces a file; `shown`: what messages call it.
+  GrowingWriter(const std::string& path, const std::string& shown, std::size_t rows_per_chunk);
+  ~GrowingWriter();  // close() or abandon() was not called: closes
 
   std::size_t column(const char* name, const char* unit, int width, Storage storage,
                      const std::vector<std::string>& tissues = {});
-  void start();
+  // Writes the checksums of all attributes but of these, of the root, which will change.
+  void start(const std::set<std::string>& changing);
 
-  // Whole rows of a column; after a flush() all columns should have as many.
-  void append(std::size_t column, const std::vector<double>& values);
+  // So many rows of a column; after a flush() all columns should have as many.
+  void append(std::size_t column, const double* values, std::size_t rows);
   void flush();
 
   // Attributes that are there already: nothing can be added after start().
   void set_text(const char* name, const std::string& value);
   void set_number(const char* name, double value);
   void set_numbers(const char* name, const std::vector<double>& values);
+
+  // The checksums of the rows and of these attributes of the root, as they are now.
+  void write_checksums(const std::set<std::string>& attributes);
 
   void close();
 
@@ -82,11 +102,15 @@ class GrowingWriter : public Writer {
 
  private:
   struct Column {
+    std::string name;
     Handle set;
     int width = 0;
+    Storage storage = Storage::kDouble;
     std::uint64_t rows = 0;
+    std::unique_ptr<Sha256> hash;  // of the rows
   };
   std::vector<Column> columns_;
+  std::size_t rows_per_chunk_;
 };
 
 }  // namespace toothprep::h5

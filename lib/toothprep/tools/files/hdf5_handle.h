@@ -4,7 +4,10 @@
 
 #include <cstdint>
 #include <mutex>
+#include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace toothprep::h5 {
 
@@ -35,6 +38,10 @@ class Handle {
   Id id_ = kNone;
   int (*close_)(Id) = nullptr;
 };
+
+// The 1 .. `most` texts of variable length that an attribute holds; nothing if it doesn't, or if it
+// can't be read.
+std::optional<std::vector<std::string>> texts_of(const Handle& attribute, std::int64_t most);
 
 // While it lives, HDF5 prints nothing on stderr (from this thread). Nor at exit: the first one also
 // switches off HDF5's own clean-up, which complains about objects of damaged files (every Handle

@@ -88,7 +88,8 @@ SessionRecording parse_session(h5::Reader& in) {
   SessionRecording recording;
   recording.header.trace = parse_trace(in);
   read_header(in, recording.header);
-  recording.complete = number(in, "complete") == 1;
+  recording.complete = in.complete();
+  recording.recovered = number(in, "recovered") == 1;
   if (recording.complete) {  // else they may be half written
     recording.dropped_ticks = static_cast<std::int64_t>(number(in, "dropped_ticks"));
     recording.end_reason = text(in, "end_reason");
@@ -117,7 +118,7 @@ SessionRecording parse_session(h5::Reader& in) {
 }  // namespace
 
 bool is_session_file(const std::string& path, ReadPolicy policy) {
-  return h5::read_with_care(path, policy, says_live);
+  return h5::read_with_care(path, policy, says_live, h5::Extent::kGlance);
 }
 
 SessionRecording read_session(const std::string& path, ReadPolicy policy) {

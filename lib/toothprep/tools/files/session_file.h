@@ -1,8 +1,8 @@
 // Recordings of live sessions (.h5): a trace (trace.h) with what the device did beside it.
 //
 // While a session runs the file grows: it is opened for writing by one and reading by many (HDF5's
-// SWMR; h5py.File(f, "r", swmr=True)), flushed every half second, so that a program that is killed
-// loses no more than that. Beyond the datasets of a trace, a row per tick:
+// SWMR; h5py.File(f, "r", swmr=True)), flushed every quarter of a second, so that a program that is
+// killed loses little more than that. Beyond the datasets of a trace, a row per tick:
 //
 //   /servo/time               s      when the tick began, since the servo's start
 //   /servo/tick               1      the device's count
@@ -20,7 +20,7 @@
 //
 // and root attributes: live = 1, complete (0 until it was closed), device_* (identity and limits),
 // the session's limits, registration_* (D to W, and where the hand was then: not a number before the
-// first row), dropped_ticks, end_reason.
+// first row), dropped_ticks, end_reason, checksums (h5_checksums.h).
 #pragma once
 
 #include <array>
@@ -71,6 +71,7 @@ struct SessionHeader {
 struct SessionRecording {  // a whole recording in memory
   SessionHeader header;    // its trace has the rows and, if the session was closed, the audit
   bool complete = false;   // closed by the program that wrote it
+  bool recovered = false;  // what was left of one that wasn't, see session_recovery.h
   std::int64_t dropped_ticks = 0;  // that the recorder couldn't keep up with; 0 if not complete
   std::string end_reason;          // "duration", "signal", a fault's line, ...; empty if killed
 

@@ -1,8 +1,6 @@
 #include "toothprep/tools/files/session_recorder.h"
 
-#include <fcntl.h>
 #include <pthread.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -15,17 +13,38 @@
 #include <filesystem>
 #include <limits>
 #include <optional>
+#include <set>
+#include <system_error>
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/session_columns.h"
 #include "toothprep/tools/files/trace_parts.h"
+#include "toothprep/tools/io/rename.h"
 
 namespace toothprep {
 namespace {
 
 // Between two looks into the ring, or between two flushes if these are more frequent.
 constexpr std::chrono::milliseconds kPoll{50};
+
+// Rows that are written at once, whole chunks of the file: a quarter of a second at most if a kill
+// is to cost no more than half of one.
+std::size_t rows_at_once(const SessionHeader& header, double flush_s) {
+  constexpr double kMost = 1 << 14;
+  return static_cast<std::size_t>(std::clamp(std::round(header.rate_hz * flush_s), 1.0, kMost));
+}
+
+// What is not known at the start.
+const std::set<std::string> kKnownLater = {"torque_work_mJ",
+                                           "removed_energy_mJ",
+                                           "energy_ratio",
+                                           "dropped_ticks",
+                                           "end_reason",
+                                           "registration_position_mm",
+                                           "registration_hand_position_mm",
+                                           "registration_hand_orientation"};
+constexpr const char* kComplete = "complete";
 
 std::vector<double> list(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 std::vector<double> list(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
@@ -44,7 +63,7 @@ void write_head(h5::Writer& out, const SessionHeader& header) {
   write_trace_head(out, trace);
 
   out.integer("live", 1);
-  out.integer("complete", 0);
+  out.integer(kComplete, 0);
   out.integer("dropped_ticks", 0);
   out.text("end_reason", "");
   out.text("device_kind", header.device_kind);
@@ -104,8 +123,12 @@ bool is_quaternion(const char* dataset) { return std::strstr(dataset, "orientati
 // The file and the rows that aren't in it yet.
 class SessionRecorder::File {
  public:
-  File(const std::string& path, const SessionHeader& header)
-      : out_(path), rotation_(header.registration.orientation), laid_(header.laid_at_start) {
+  File(const std::string& path, const std::string& shown, const SessionHeader& header,
+       std::size_t rows_at_once)
+      : out_(path, shown, rows_at_once),
+        rows_at_once_(static_cast<std::int64_t>(rows_at_once)),
+        rotation_(header.registration.orientation),
+        laid_(header.laid_at_start) {
     write_head(out_, header);
     for (const char* group : {"/servo", "/device"}) out_.group(group);
     if (!header.mirror_model.empty()) out_.group("/mirror");
@@ -130,7 +153,9 @@ class SessionRecorder::File {
       if (columns_[i].tick_values &&
           std::strcmp(session_columns()[i - trace_columns().size()].dataset, "/servo/flags") == 0)
         flags_ = i;
-    out_.start();
+    std::set<std::string> changing = kKnownLater;
+    changing.insert(kComplete);
+    out_.start(changing);
   }
 
   // False: not a row that could follow.
@@ -153,18 +178,20 @@ class SessionRecorder::File {
     return true;
   }
 
-  std::int64_t waiting() const { return waiting_; }
-
-  void write() {
+  // Writes the whole chunks, or all; how many rows.
+  std::int64_t write(bool all) {
+    const std::int64_t rows = all ? waiting_ : waiting_ / rows_at_once_ * rows_at_once_;
+    if (rows == 0) return 0;
     const auto lock = h5::lock_hdf5();
     const h5::Quiet quiet;
     if (began_ && !registered_) write_registration(*began_);
     for (Column& c : columns_) {
-      out_.append(c.index, c.waiting);
-      c.waiting.clear();
+      out_.append(c.index, c.waiting.data(), static_cast<std::size_t>(rows));
+      c.waiting.erase(c.waiting.begin(), c.waiting.begin() + rows * c.width);
     }
     out_.flush();
-    waiting_ = 0;
+    waiting_ -= rows;
+    return rows;
   }
 
   void finish(const SessionEnd& end, std::int64_t dropped) {
@@ -175,8 +202,9 @@ class SessionRecorder::File {
     out_.set_number("energy_ratio", end.audit.energy_ratio);
     out_.set_number("dropped_ticks", static_cast<double>(dropped));
     out_.set_text("end_reason", end.reason);
+    out_.write_checksums(kKnownLater);
     out_.flush();
-    out_.set_number("complete", 1);
+    out_.set_number(kComplete, 1);
     out_.close();
   }
 
@@ -212,6 +240,7 @@ class SessionRecorder::File {
     std::vector<double> waiting;
   };
   h5::GrowingWriter out_;
+  std::int64_t rows_at_once_;
   Quat rotation_;  // D to W
   bool laid_ = false, registered_ = false;
   std::optional<LiveTick> began_;  // the first one
@@ -224,20 +253,20 @@ class SessionRecorder::File {
 
 SessionRecorder::SessionRecorder(const std::string& path, const SessionHeader& header,
                                  const RecorderOptions& options)
-    : path_(path), flush_s_(options.flush_s), ring_(options.capacity) {
-  std::error_code error;
-  if (options.replace) std::filesystem::remove(path, error);  // who still reads it keeps it
-  const int made = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (made < 0)
-    throw Error(path + ": cannot be written: " + std::generic_category().message(errno));
-  ::close(made);
-  try {
+    : path_(path),
+      place_(std::filesystem::weakly_canonical(std::filesystem::absolute(path))),
+      replace_(options.replace),
+      flush_(options.flush_s),
+      lock_(place_, path),
+      ring_(options.capacity) {
+  if (!replace_ && std::filesystem::exists(place_))
+    throw Error(path + ": cannot be written: " + std::generic_category().message(EEXIST));
+  part_ = std::make_unique<Part>(place_.parent_path(), place_.extension().string(), path, false);
+  {
     const auto lock = h5::lock_hdf5();
     const h5::Quiet quiet;
-    file_ = std::make_unique<File>(path, header);
-  } catch (const Error&) {
-    std::filesystem::remove(path, error);
-    throw;
+    file_ =
+        std::make_unique<File>(part_->path(), path, header, rows_at_once(header, options.flush_s));
   }
   // Signals are for the threads that expect them. SIGXFSZ would end the program where a write that
   // fails stops the recording.
@@ -283,12 +312,23 @@ void SessionRecorder::finish(const SessionEnd& end) {
   }
 }
 
+void SessionRecorder::take_place() {
+  const int error = replace_ ? (std::rename(part_->path().c_str(), place_.c_str()) == 0 ? 0 : errno)
+                             : rename_to_new(part_->path(), place_);
+  if (error != 0)
+    throw Error(path_ + ": cannot be written: " + std::generic_category().message(error));
+  part_.reset();
+}
+
+void SessionRecorder::write(bool all) {
+  const std::int64_t rows = file_->write(all);
+  if (rows == 0) return;
+  if (part_) take_place();
+  rows_.fetch_add(rows, std::memory_order_relaxed);
+}
+
 void SessionRecorder::run() noexcept {
-  using Clock = std::chrono::steady_clock;
-  const auto period =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(flush_s_));
-  const auto poll = std::min<Clock::duration>(kPoll, period);
-  auto next_flush = Clock::now();  // the first ticks at once: from then on the file can be read
+  const auto poll = std::min<std::chrono::duration<double>>(kPoll, flush_);
   try {
     for (bool last = false; !last;) {
       {
@@ -299,12 +339,7 @@ void SessionRecorder::run() noexcept {
       ring_.consume([this](const LiveTick& tick) {
         if (!file_->add(tick)) dropped_.fetch_add(1, std::memory_order_relaxed);
       });
-      const auto now = Clock::now();
-      if (file_->waiting() == 0 || !(last || now >= next_flush)) continue;
-      const std::int64_t count = file_->waiting();
-      file_->write();
-      rows_.fetch_add(count, std::memory_order_relaxed);
-      next_flush = now + period;
+      write(last);
     }
   } catch (const std::exception& e) {
     fail(e.what());
@@ -327,8 +362,12 @@ void SessionRecorder::fail(const char* why) noexcept {
   file_.reset();
   {
     const std::scoped_lock guard(mutex_);
-    std::snprintf(failure_.data(), failure_.size(), "%.*s Its first %lld rows can be read",
-                  static_cast<int>(failure_.size() - 64), why, static_cast<long long>(rows()));
+    if (part_)
+      std::snprintf(failure_.data(), failure_.size(), "%.*s; nothing was recorded",
+                    static_cast<int>(failure_.size() - 64), why);
+    else
+      std::snprintf(failure_.data(), failure_.size(), "%.*s; its first %lld rows can be read",
+                    static_cast<int>(failure_.size() - 64), why, static_cast<long long>(rows()));
   }
   failed_.store(true, std::memory_order_relaxed);
 }

@@ -1,16 +1,18 @@
 // Records a live session while it runs: the servo's thread puts each tick into a ring, a thread of
 // the recorder's own writes them to the file (session_file.h).
 //
-// The file stands at its final path from the start, unlike other outputs: it is to be read while it
-// grows, and to be there when the program was killed. Whatever happens it can be read up to the
-// last flush:
+// The file takes its final path with its first rows, a quarter of a second after the first tick: it
+// is to be read while it grows, and to be there when the program was killed. Until then what stood
+// there stays, and without a row nothing is left. Whatever happens it can be read up to the last
+// flush:
 //
-//   finish()                 complete = 1
+//   finish()                 complete = 1, with the checksums of all
 //   destructor only          complete = 0, all ticks are in it
 //   disk full, write error   complete = 0; the recording stops with failure(), the session goes on
 //   kill -9                  complete = 0, without the last flush_s and what the ring held
 //
 // (Against a power failure nothing is done: the operating system keeps written pages for a while.)
+// Two recorders can't have the same path at once (path_lock.h).
 //
 // What readers would refuse is not written: of a tick whose numbers aren't all finite, or whose
 // quaternions aren't of unit length, these are stored as 0 (the identity), and kForceNotFinite is
@@ -19,9 +21,11 @@
 
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -31,13 +35,15 @@
 #include "toothprep/step/core/live_tick.h"
 #include "toothprep/tools/files/session_file.h"
 #include "toothprep/tools/files/spsc_ring.h"
+#include "toothprep/tools/io/part.h"
+#include "toothprep/tools/io/path_lock.h"
 
 namespace toothprep {
 
 struct RecorderOptions {
   std::size_t capacity = 8192;  // ticks that may wait for the disk: 8 s at 1 kHz
-  double flush_s = 0.5;
-  bool replace = false;  // an existing file
+  double flush_s = 0.25;        // of ticks at the header's rate are written at once
+  bool replace = false;         // an existing file
 };
 
 // What is known only at the end.
@@ -48,8 +54,9 @@ struct SessionEnd {
 
 class SessionRecorder {
  public:
-  // Creates the file and starts the thread. The header's
-  // trace has no rows yet; its audit is not looked at. Throws Error.
+  // Makes the file, beside `path`, and starts the thread. The header's trace has no rows yet; its
+  // audit is not looked at. Throws Error, also if something stands at `path` and `replace` is not
+  // set, or if another recorder has it.
   SessionRecorder(const std::string& path, const SessionHeader& header,
                   const RecorderOptions& options = {});
   ~SessionRecorder();
@@ -67,7 +74,7 @@ class SessionRecorder {
   std::int64_t dropped() const noexcept { return dropped_.load(std::memory_order_relaxed); }
 
   // No push() from now on. Writes what is left and closes the file. Throws Error if that can't be
-  // done, or if the recording had stopped before.
+  // done, or if the recording had stopped before. Without a row there is no file then.
   void finish(const SessionEnd& end);
 
  private:
@@ -76,9 +83,15 @@ class SessionRecorder {
   void run() noexcept;
   void stop_thread() noexcept;
   void fail(const char* why) noexcept;
+  void write(bool all);
+  void take_place();
 
-  const std::string path_;
-  const double flush_s_;
+  const std::string path_;  // as it was given
+  const std::filesystem::path place_;
+  const bool replace_;
+  const std::chrono::duration<double> flush_;
+  const PathLock lock_;
+  std::unique_ptr<Part> part_;  // where the file is made; none once it has its path
   SpscRing<LiveTick> ring_;
   std::unique_ptr<File> file_;  // the thread's while it runs
   std::atomic<bool> failed_{false};

@@ -28,6 +28,7 @@ struct Trace {                       // a trace file in memory
   EnergyAudit audit;                 // of the whole run
   double initial_overlap_mm3 = 0;    // removed before the first step; not in the audit
   std::vector<Vec3> measured_force;  // N; empty or one per row
+  bool unfinished = false;           // a live recording that was not closed: killed, or it runs
 };
 
 // Writes `path` itself (callers go through Outputs); same trace, same bytes (no object times).

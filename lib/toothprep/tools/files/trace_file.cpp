@@ -109,6 +109,7 @@ Trace parse_trace(Reader& in) {
   trace.audit.removed_energy_mj = audit("removed_energy_mJ");
   trace.audit.energy_ratio = audit("energy_ratio");
   trace.bur = in.text("bur").value_or("");
+  trace.unfinished = in.growing();
   trace.drive = in.text("drive").value_or("");
   trace.engine = in.text("engine").value_or("");
   trace.initial_overlap_mm3 = in.number("initial_overlap_mm3").value_or(0.0);
@@ -204,7 +205,8 @@ Trace read_trace(const std::string& path, ReadPolicy policy) {
 }
 
 bool is_trace_file(const std::string& path, ReadPolicy policy) {
-  return h5::read_with_care(path, policy, [](Reader& in) { return in.text("schema") == kSchema; });
+  return h5::read_with_care(
+      path, policy, [](Reader& in) { return in.text("schema") == kSchema; }, h5::Extent::kGlance);
 }
 
 bool holds_trajectory(const std::string& path, ReadPolicy policy) {

@@ -16,7 +16,9 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/folder_marker.h"
 #include "toothprep/tools/io/part.h"
+#include "toothprep/tools/io/path_lock.h"
 #include "toothprep/tools/io/rename.h"
+#include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
 namespace fs = std::filesystem;
@@ -160,6 +162,7 @@ Outputs::Output& Outputs::add(const std::string& path, Kind kind,
   const std::string extension = folder ? std::string() : extension_of(path, extensions);
   const fs::path parent = output->place.parent_path();
   if (folder && output->before) check_replaceable(path, output->place);
+  if (!folder) refuse_if_locked(output->place, path);
   // Of a growing one only to see that the folder can be written.
   output->part = std::make_unique<Part>(parent, extension, path, folder);
   if (kind == Kind::kGrowing) output->part.reset();
@@ -238,6 +241,7 @@ void Outputs::put_in_place(Output& output) const {
   const bool folder = output.kind == Kind::kFolder;
   struct stat now {};
   if (lstat(output.place.c_str(), &now) == 0) check_kind(output.shown, now, folder, true);
+  if (!folder) refuse_if_locked(output.place, output.shown);
   if (const int again = toothprep::exchange(part, output.place)) throw failed(again);
   output.state = Output::State::kExchanged;
   if (folder) check_replaceable(output.shown, part);  // what came into it while the command ran
@@ -260,7 +264,7 @@ void Outputs::publish() {
       for (const auto& entry : fs::recursive_directory_iterator(part))
         if (!entry.is_symlink()) sync(entry.path(), output->shown);
     } else if (fs::file_size(part) == 0) {
-      throw Error(output->shown + ": nothing was written; is the disk full?");
+      throw Error(output->shown + ": nothing was written: " + why_not_written(part.string(), 0));
     }
     sync(part, output->shown);
   }

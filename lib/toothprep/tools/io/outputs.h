@@ -33,13 +33,14 @@ class Outputs {
   // folder. `extensions` (".h5") are those of its formats. Throws InputError if it
   //   exists and there is no `force`, or is a folder that holds anything that we didn't write;
   //   is no regular file or folder, or has another format's extension;
-  //   can't be written, because its folder does not exist or is read-only.
+  //   can't be written, because its folder does not exist or is read-only;
+  //   is being recorded by a session that runs.
   std::string file(const std::string& path, const std::vector<std::string>& extensions);
   std::string folder(const std::string& path);
   // The same for one that need not be named: empty if `path` is.
   std::string optional_file(const std::string& path, const std::vector<std::string>& extensions);
   std::string optional_folder(const std::string& path);
-  // One that is written at its place from the start, since it is read while it grows: checked as
+  // One that takes its place as soon as it has content, since it is read while it grows: checked as
   // the others are, but never touched.
   void growing(const std::string& path, const std::vector<std::string>& extensions);
 

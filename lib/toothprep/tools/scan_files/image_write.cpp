@@ -22,6 +22,7 @@
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/io/input_file.h"
 #include "toothprep/tools/io/trial.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/scan_files/image_checks.h"
 #include "toothprep/tools/scan_files/itk_io.h"
 
@@ -76,9 +77,8 @@ void write_in_trial(const std::string& path, std::size_t bytes,
   };
   const auto failure = failure_in_trial(work, seconds, 4 * bytes + kLibraries);
   if (*done.data() != 1)
-    throw Error(path + ": cannot be written" +
-                (failure && !failure->text.empty() ? " (" + failure->text + ")" : "") +
-                "; is the disk full?");
+    throw Error(path + ": cannot be written: " + why_not_written(path, 0) +
+                (failure && !failure->text.empty() ? " (" + failure->text + ")" : ""));
 }
 
 template <class T>
