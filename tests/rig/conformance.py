@@ -21,6 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 import judge
@@ -94,9 +95,21 @@ class Suite:
             found += [f"no word of /{words}/" for words in case.words if not re.search(words, text)]
         rules = judge.Rules(**case.rules)
         try:
-            return found + judge.findings(folder / "ticks.log", folder / "session.h5", rules)
+            found += judge.findings(folder / "ticks.log", folder / "session.h5", rules)
+            return found + (self.recovered(folder) if rules.recording == "incomplete" else [])
         except (OSError, ValueError) as problem:
             return found + [str(problem)]
+
+    def recovered(self, folder):
+        """A recording whose program is gone becomes one that is opened as any file."""
+        old, new = folder / "session.h5", folder / "recovered.h5"
+        done = subprocess.run([self.binary, "recover", str(old), "-o", str(new)], capture_output=True, text=True)
+        if done.returncode != 0 or "lost:" not in done.stderr:
+            return ["recover: " + done.stderr.strip()]
+        with h5py.File(old, "r", swmr=True) as before, h5py.File(new, "r") as after:
+            rows = min(len(before["/time"]), len(before["/servo/tick"]))
+            same = len(after["/time"]) == rows and np.array_equal(after["/servo/tick"][:], before["/servo/tick"][:rows])
+            return [] if same else ["the recovered recording has other rows"]
 
     def watch(self, command, environment, case, folder):
         pipe = subprocess.DEVNULL if case.output == "closed" else subprocess.PIPE

@@ -106,7 +106,7 @@ def asked(*signals):
 
 def crash(number):
     return lambda r: Case(status=-number, signals=((tick(r), number),),
-                          rules=ENDED | {"recording": "incomplete", "most_unrecorded": 750})
+                          rules=ENDED | {"recording": "incomplete", "most_unrecorded": 500})
 
 
 def killed(random):
