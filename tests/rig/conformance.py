@@ -163,14 +163,15 @@ def main():
     parser.add_argument("--seed", default="1")
     parser.add_argument("--jobs", type=int, default=3 * (os.cpu_count() or 1), help="sessions at once")
     parser.add_argument("--only", nargs="*", default=[], help="cases by name")
+    parser.add_argument("--without", nargs="*", default=[], help="cases by name")
     parser.add_argument("--keep", help="folder for the sessions that were found wrong")
     parser.add_argument("--list", action="store_true")
     options = parser.parse_args()
     if options.list:
         print(*CASES, sep="\n")
         return 0
-    names = options.only or list(CASES)
-    for name in names:
+    names = [name for name in options.only or CASES if name not in options.without]
+    for name in [*options.only, *options.without]:
         if name not in CASES:
             parser.error(f"no case {name}; --list names them")
     folder = tempfile.mkdtemp(prefix="toothprep-rig-")
