@@ -56,7 +56,7 @@ void run_long(const py::object& callback, const std::function<void(Progress&)>& 
       if (PyErr_CheckSignals() != 0) throw py::error_already_set();
       if (news && !callback.is_none()) callback(stage, done);
     } catch (py::error_already_set& raised) {
-      interruption.emplace(std::move(raised));
+      interruption.emplace(raised);
       const std::lock_guard lock(progress.mutex_);
       progress.cancelled_ = true;
     }

@@ -320,7 +320,8 @@ py::dict attributes_of(const SessionObject& s, const std::string& tooth_hash) {
 }
 
 // What `replay` warns of, too.
-std::vector<std::string> judge(const SessionObject& s, const Trajectory& given) {
+std::vector<std::string> judge(const SessionObject& s, const Trajectory& given,
+                               const std::vector<StepRecord>& rows) {
   std::vector<Finding> findings = judge_motion(without_rejected(given).samples);
   for (Finding& f : judge_parameters(s.parameters())) findings.push_back(std::move(f));
   const SessionTotals t = s.totals();
@@ -329,6 +330,8 @@ std::vector<std::string> judge(const SessionObject& s, const Trajectory& given) 
   for (const Finding& f :
        judge_run(std::move(findings), audit, t.peak_device_force, t.largest_lag, s.drive()))
     texts.push_back("path: " + message_of(f));
+  for (std::string& text : outcome_warnings(rows, s.bur().bur, s.tooth().layers))
+    texts.push_back(std::move(text));
   for (std::string& text : run_warnings(t, s.drive())) texts.push_back(std::move(text));
   return texts;
 }
@@ -345,7 +348,7 @@ py::object run(SessionObject& s, const py::object& time, const py::object& posit
   run_long(callback, [&](Progress& reporting) {
     check_run_memory("path", given, s.parameters().time_step);
     rows = s.run(resample(given, s.parameters().time_step, allow_gaps, "path"), reporting);
-    warnings = judge(s, given);
+    warnings = judge(s, given, rows);
     hash = tooth_sha256(s.tooth().layers);
   });
   warn(warnings);

@@ -49,7 +49,7 @@ std::string FigureContext::write_trace(const Experiment& experiment, const std::
   trace.audit = {outcome.replay.totals.torque_work, outcome.replay.removed_energy,
                  outcome.replay.energy_ratio};
   for (const double v : outcome.replay.totals.initial_overlap) trace.initial_overlap_mm3 += v;
-  const std::string file = place(experiment, name + ".h5");
+  std::string file = place(experiment, name + ".h5");
   toothprep::write_trace(trace, options_.output + "/" + file);
   return file;
 }
@@ -57,7 +57,7 @@ std::string FigureContext::write_trace(const Experiment& experiment, const std::
 std::string FigureContext::write_series(const Experiment& experiment, const std::string& name,
                                         const std::vector<std::string>& columns,
                                         const std::vector<std::vector<double>>& values) const {
-  const std::string file = place(experiment, name + ".csv");
+  std::string file = place(experiment, name + ".csv");
   CsvWriter out(options_.output + "/" + file);
   for (const std::string& column : columns) out.text(column);
   out.end_row();
@@ -88,14 +88,14 @@ std::string FigureContext::write_exact(const Experiment& experiment, const std::
 
 std::string FigureContext::write_surface(const Experiment& experiment, const std::string& name,
                                          const LayeredTooth& tooth) const {
-  const std::string file = place(experiment, name + ".ply");
+  std::string file = place(experiment, name + ".ply");
   write_mesh(extract_surface(tooth, SurfaceOf::kAll), options_.output + "/" + file);
   return file;
 }
 
 std::string FigureContext::write_layers(const Experiment& experiment, const std::string& name,
                                         const LayeredTooth& tooth) const {
-  const std::string file = place(experiment, name + ".vdb");
+  std::string file = place(experiment, name + ".vdb");
   write_tooth(tooth, options_.output + "/" + file);
   return file;
 }

@@ -411,7 +411,8 @@ double stale_depth(const Scene& scene, const Bur& bur, const CoupledFeed& feed,
     for (const ProfilePiece& piece : bur.profile()) {
       if (!piece.grinds) continue;
       for (int n = 0; n < kAlong * kAround; ++n) {
-        const ProfilePoint p = point_on(piece, (n / kAround + 0.5) / kAlong);
+        const int along = n / kAround;
+        const ProfilePoint p = point_on(piece, (along + 0.5) / kAlong);
         const double phi = 2 * units::kPi * (n % kAround + 0.5) / kAround;
         const Vec3 radial(std::cos(phi), std::sin(phi), 0);
         const Vec3 normal = to_world * (p.along_z * radial - p.along_r * Vec3::UnitZ());

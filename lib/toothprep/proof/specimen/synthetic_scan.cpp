@@ -141,7 +141,7 @@ SyntheticScan make_synthetic_scan(const std::function<ToothSample(const Vec3&)>&
           if (!one && n > 1 && !uniform(s, voxel_radius)) {
             std::array<int, kTissueCount + 1> hits{};
             for (int v = 0; v < n * n * n; ++v) {
-              const Vec3 offset(v % n, v / n % n, v / n / n);
+              const Vec3 offset = Index3(v % n, v / n % n, v / n / n).cast<double>();
               const Vec3 within = (offset + Vec3::Constant(0.5)) / n - Vec3::Constant(0.5);
               ++hits[static_cast<std::size_t>(
                   sample(centre + o.spacing.cwiseProduct(within)).label)];

@@ -133,13 +133,27 @@ __attribute__((target("avx2"))) void with_avx2(const DistanceOutline<float>& out
 }
 #endif
 
+bool has_avx2() {
+#if defined(__x86_64__) && defined(__GNUC__)
+  __builtin_cpu_init();  // this may run before main()
+  return __builtin_cpu_supports("avx2");
+#else
+  return false;
+#endif
+}
+
+// Chosen when the program is loaded: a tick must neither allocate nor wait for another's choice.
+#if defined(__x86_64__) && defined(__GNUC__)
+const auto kFastest = has_avx2() ? with_avx2 : plain;
+#else
+const auto kFastest = plain;
+#endif
+
 }  // namespace
 
 std::vector<DistanceKernel> distance_kernels() {
   std::vector<DistanceKernel> kernels = {{"plain", plain}};
-#if defined(__x86_64__) && defined(__GNUC__)
-  if (__builtin_cpu_supports("avx2")) kernels.push_back({"avx2", with_avx2});
-#endif
+  if (has_avx2()) kernels.push_back({"fastest", kFastest});
   return kernels;
 }
 
@@ -150,8 +164,7 @@ double Bur::distance(double r, double z) const noexcept {
 }
 
 void Bur::distances(const float* r, const float* z, float* out, int n) const noexcept {
-  static const auto kBest = distance_kernels().back().run;
-  kBest(fast_, r, z, out, n);
+  kFastest(fast_, r, z, out, n);
 }
 
 }  // namespace toothprep

@@ -264,7 +264,7 @@ std::vector<Finding> judge_run(std::vector<Finding> findings, const Audit& audit
                                double largest_lag, Drive drive) {
   // The inputs are judged, so what shows in the results comes from them.
   const std::string cause = findings.empty() ? "" : findings.front().cause;
-  const auto or_else = [&](std::string own) { return cause.empty() ? std::move(own) : cause; };
+  const auto or_else = [&](const std::string& own) { return cause.empty() ? own : cause; };
   if (!(peak_force <= kMostForce))
     findings.push_back(
         {Implausible::kForce, peak_force, fmt::format("the peak force is {:.4g} N", peak_force),

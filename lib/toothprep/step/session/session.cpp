@@ -92,7 +92,7 @@ StepRecord Session::Work::step_part(const HandleSample& handle, double h) noexce
   judge_stall(model_, state_, *engine_, part);
   integrate(model_, part, state_);
   remove_tissue(model_, part, state_, *engine_);
-  const StepRecord row = record(model_, part, state_, *engine_);
+  StepRecord row = record(model_, part, state_, *engine_);
 
   totals_.torque_work += row.power * h;
   totals_.stall_onsets += row.stalled && !was_stalled;

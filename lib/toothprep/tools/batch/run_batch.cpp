@@ -86,7 +86,7 @@ Json identity_of(const BatchItem& item, const BatchManifest& manifest, const Bat
 Json outputs_of(const fs::path& folder) {
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    const std::string name = entry.path().lexically_relative(folder).string();
+    std::string name = entry.path().lexically_relative(folder).string();
     if (entry.is_regular_file() && name != "item.json" && name != "log.txt")
       files[name] = sha256_of_file(entry.path().string());
   }
@@ -99,7 +99,7 @@ Json outputs_of(const fs::path& folder) {
 std::string foreign_file(const fs::path& folder, const Json& record) {
   const Json outputs = record.value("outputs", Json::object());
   for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    const std::string name = entry.path().lexically_relative(folder).string();
+    std::string name = entry.path().lexically_relative(folder).string();
     const bool ours = entry.is_directory() || name == "item.json" || name == "log.txt" ||
                       (outputs.is_object() && outputs.contains(name));
     if (entry.is_symlink() || !ours) return name;

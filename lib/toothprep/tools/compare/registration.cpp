@@ -220,7 +220,7 @@ class Fit {
       right -= w * row * m.normal.dot(m.offset);
     }
     const Eigen::SelfAdjointEigenSolver<Mat6> eigen(normal);
-    const Vec6 stiffness = eigen.eigenvalues();
+    const Vec6& stiffness = eigen.eigenvalues();
     result.stiffness_ratio = stiffness[0] / std::max(stiffness[5], 1e-300);
     // Directions that the surface does not hold (about the axis of a body of revolution) stay put.
     Vec6 solution = Vec6::Zero();
@@ -332,8 +332,9 @@ bool same_place(const Pose& a, const Pose& b, const Vec3& centroid, double degre
 }
 
 // The best first, without those that stand where a better one does.
-std::vector<Candidate> best_of(std::vector<Candidate> all, const Vec3& centroid, std::size_t most,
-                               double degrees, double mm) {
+std::vector<Candidate> best_of(std::vector<Candidate> all, const Vec3& centroid, double degrees,
+                               double mm,
+                               std::size_t most = std::numeric_limits<std::size_t>::max()) {
   std::stable_sort(all.begin(), all.end(),
                    [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
   std::vector<Candidate> best;
@@ -388,7 +389,7 @@ class Search {
       c.pose = refined(fit_, few, c.pose, 0.7, 0.1, 10).pose;
       c.score = score(c.pose, few);
     }
-    all = best_of(std::move(all), from_.centroid, all.size(), 1, 0.1);
+    all = best_of(std::move(all), from_.centroid, 1, 0.1);
     constexpr double kHopeless = 0.4;
     std::erase_if(all,
                   [best = all[0].score](const Candidate& c) { return c.score < best - kHopeless; });
@@ -397,7 +398,7 @@ class Search {
       c.pose = refined(fit_, some, c.pose, 0.2, kLeastScale, 20).pose;
       c.score = score(c.pose, some);
     }
-    return best_of(std::move(all), from_.centroid, all.size(), 1, 0.1);
+    return best_of(std::move(all), from_.centroid, 1, 0.1);
   }
 
   static constexpr int kSomeSamples = 1000;
@@ -414,7 +415,7 @@ class Search {
       c.score = closeness(coarse_.matches(few, c.pose), 0.3) -
                 0.02 * std::min(1.0, amount(c.pose) / (units::kPi * size_));
     }
-    return best_of(std::move(all), from_.centroid, 6, 3, 0.3);
+    return best_of(std::move(all), from_.centroid, 3, 0.3, 6);
   }
   double score(const Pose& pose, const std::vector<SurfaceSample>& at) const {
     const auto matches = fit_.matches(at, pose);

@@ -272,7 +272,7 @@ std::vector<double> Reader::values_of(const Set& set) const {
 }
 
 std::vector<double> Reader::read(const Set& set) const {
-  const std::vector<double> values = values_of(set);
+  std::vector<double> values = values_of(set);
   for (std::size_t i = 0; i < values.size(); ++i)
     if (!std::isfinite(values[i]))
       refuse(set.name + ", row " + std::to_string(i / static_cast<std::size_t>(set.width)),
@@ -289,7 +289,7 @@ std::vector<double> Reader::read_time() {
     while (good < time.size() && time[good] > time[good - 1] && std::isfinite(time[good])) ++good;
     rows_ = good;
   }
-  const std::vector<double> time = read(set);
+  std::vector<double> time = read(set);
   for (std::size_t i = 1; i < time.size(); ++i)
     if (!(time[i] > time[i - 1]))
       refuse("/time, row " + std::to_string(i), "time does not increase");
@@ -383,9 +383,8 @@ std::uint64_t Reader::check_shape(Set& set, const std::vector<std::uint64_t>& si
   }
   std::uint64_t rows = 0;
   const auto width = static_cast<std::uint64_t>(set.width);
-  if (size.size() == 1 && width == 1 && !per_tissue)
-    rows = size[0];
-  else if (size.size() == 2 && size[1] == width)
+  const bool a_list = size.size() == 1 && width == 1 && !per_tissue;
+  if (a_list || (size.size() == 2 && size[1] == width))
     rows = size[0];
   else if (size.size() == 2 && width == 1 && size[0] == 1)
     rows = size[1];  // how MATLAB stores a column

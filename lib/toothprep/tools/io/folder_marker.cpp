@@ -64,7 +64,7 @@ std::string first_foreign(const fs::path& folder, const std::string& below, cons
     const auto known = files.find(path), inside_it = files.lower_bound(path + '/');
     if (fs::is_directory(status) && inside_it != files.end() &&
         inside_it->first.starts_with(path + '/')) {
-      const std::string inside = first_foreign(folder, path + '/', files);
+      std::string inside = first_foreign(folder, path + '/', files);
       if (!inside.empty()) return inside;
     } else if (!fs::is_regular_file(status) || known == files.end()) {
       return "holds '" + path + "', which this program did not write";

@@ -100,7 +100,7 @@ fs::path place_of(const std::string& shown) {
                        "create it first");
     return fs::canonical(folder) / path.filename();
   }
-  const fs::path place = fs::canonical(path, error);
+  fs::path place = fs::canonical(path, error);
   if (!error) return place;
   if (type == fs::file_type::symlink)
     throw InputError(shown, "", "is a link to nothing", "remove it or choose another name");

@@ -19,7 +19,7 @@ std::optional<Quat> quaternion(StrictTable& table, const std::string& key) {
 }
 
 std::optional<Vec3> finite(StrictTable& table, const std::string& key) {
-  const auto value = table.vector(key);
+  auto value = table.vector(key);
   if (value && !value->allFinite()) table.refuse(key, "must be finite numbers");
   return value;
 }

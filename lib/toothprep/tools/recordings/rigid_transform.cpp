@@ -37,7 +37,7 @@ Pose pose_of_matrix(const StrictTable& table, const toml::table& root) {
 Pose read_rigid_transform(const std::string& path) {
   toml::table root = parse_toml(read_small_text(path), path);
   if (root.contains("matrix")) {
-    const Pose pose = pose_of_matrix(StrictTable(root, path), root);
+    Pose pose = pose_of_matrix(StrictTable(root, path), root);
     root.erase("matrix");
     if (!root.empty())
       throw InputError(path, std::string(root.begin()->first.str()), "stands beside matrix",

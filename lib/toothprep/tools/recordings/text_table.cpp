@@ -153,7 +153,8 @@ std::optional<double> clock_seconds(std::string_view field) {
     std::from_chars(field.data() + 8, field.data() + 10, day);
     if (year < 1900 || month < 1 || month > 12 || day < 1 || day > 31) return {};
     const int y = month > 2 ? year : year - 1, m = month > 2 ? month - 3 : month + 9;
-    days = 365.0 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day;
+    const int whole = 365 * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day;
+    days = whole;
     field.remove_prefix(11);
   }
   if (!field.empty() && field.back() == 'Z') field.remove_suffix(1);

@@ -76,7 +76,7 @@ struct Renderer::Part {
 
   Vec3 shading_normal(const SurfacePoint& at) const {
     if (part.tooth) {
-      const Vec3 n = level_normal(*part.tooth, at.point);
+      Vec3 n = level_normal(*part.tooth, at.point);
       if (n.squaredNorm() > 0) return n;
     }
     Vec3 n = Vec3::Zero();
@@ -275,7 +275,8 @@ struct Renderer::Pass {
     const double turn = pixel_noise(x, y);
     Eigen::Array4f sum = Eigen::Array4f::Zero();
     for (int s = 0; s < total; ++s) {
-      const Vec3 origin = camera.place(x + (s % n + 0.5) / n, y + (s / n + 0.5) / n);
+      const int across = s % n, down = s / n;
+      const Vec3 origin = camera.place(x + (across + 0.5) / n, y + (down + 0.5) / n);
       Seen seen;
       Colour colour = Colour::Zero();
       float alpha = 0;

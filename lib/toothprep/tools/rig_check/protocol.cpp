@@ -211,7 +211,7 @@ Protocol parse_protocol(const std::string& text) {
 }
 
 std::string print_protocol(const Protocol& p) {
-  const std::string name = name_of(p.kind);
+  std::string name = name_of(p.kind);
   switch (p.kind) {
     case ProtocolKind::kRest:
       return name + " " + shortest_text(p.duration_s) + " s";

@@ -44,7 +44,7 @@ std::string find(const DicomItems& top, std::size_t frame, std::uint32_t macro, 
   for (const DicomItems* groups :
        {frame < own.size() ? &own[frame] : nullptr, shared.empty() ? nullptr : &shared.front()}) {
     if (groups == nullptr || groups->sequence(macro).empty()) continue;
-    const std::string text = groups->sequence(macro).front().text(tag);
+    std::string text = groups->sequence(macro).front().text(tag);
     if (!text.empty()) return text;
   }
   return top.text(tag);

@@ -56,9 +56,10 @@ void for_each_point_set(const ImageFrame& image, const WorkBox& box, int n, cons
   const Mat3 to_index = image.to_index();
   std::vector<Vec3> points;
   for (int c = 0; c < n * n * n; ++c)
-    points.push_back(to_index *
-                     (Vec3(c % n, c / n % n, c / (n * n)) - Vec3::Constant(0.5 * (n - 1))) *
-                     (box.lattice.voxel / n));
+    points.push_back(
+        to_index *
+        (Index3(c % n, c / n % n, c / (n * n)).cast<double>() - Vec3::Constant(0.5 * (n - 1))) *
+        (box.lattice.voxel / n));
   box.for_each([&](int i, int j, int k, std::size_t v) {
     sample(v, Vec3(to_index * (box.centre(Index3(i, j, k)) - image.origin)), points);
   });
