@@ -136,7 +136,8 @@ void add_elements(SurfaceElements& out, const ProfilePiece& piece, double size, 
     // bur meets then switches elements on one by one instead of a whole column at once. Counted
     // from the piece's middle, so that the two halves of a ball mirror each other and their axial
     // forces cancel.
-    const double turns = kGoldenRatio * (std::abs(2 * i - (rings - 1)) / 2);
+    const int from_middle = std::abs(2 * i - (rings - 1)) / 2;  // in rings
+    const double turns = kGoldenRatio * from_middle;
     const double phase = turns - std::floor(turns);
     const double around = p.r > 0 ? p.along_z / p.r : 0;
     const double along = piece.kind == ProfilePiece::Kind::kArc
