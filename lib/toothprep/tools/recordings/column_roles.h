@@ -34,8 +34,8 @@ struct ColumnRoles {
 };
 
 // By the names: "Time (s)", "PosX", "field.pose.position.x", "Tip_X [mm]", "qw", "Fz_N", "roll".
-// Throws InputError where several columns could be meant (naming them), and where time or position
-// have none but `columns_needed` is true.
+// Throws InputError where several columns could be meant, naming them; a quantity without a column
+// has no role.
 [[nodiscard]] ColumnRoles recognise_columns(const RecordedTable& table, const std::string& path);
 
 // "time=Time,x=PosX,y=5": keys and names, or numbers of columns from 1. Replaces what `roles` says
