@@ -1,4 +1,5 @@
 // Outputs: what is refused before anything runs, what appears, and what is left when it goes wrong.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -15,6 +16,7 @@
 #include <fstream>
 #include <functional>
 #include <sstream>
+#include <thread>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/folder_marker.h"
@@ -374,6 +376,25 @@ class Killed : public OutputsTest, public ::testing::WithParamInterface<int> {
 TEST_P(Killed, LeavesNothingBehindAndDiesOfTheSignal) {
   EXPECT_EQ(end_of(GetParam(), long_work()), GetParam());
   EXPECT_THAT(entries(), ElementsAre());
+}
+
+// The thread that handles the signal isn't the one that writes.
+TEST_P(Killed, LeavesNothingThoughAnotherThreadReopensItsFileMeanwhile) {
+  for (int k = 0; k < 10; ++k) {
+    const int signal = end_of(GetParam(), [this](int ready) {
+      Outputs outputs(false);
+      const std::string part = outputs.file(at("a.txt"), kText);
+      outputs.begin();
+      for (int thread = 0; thread < 2; ++thread)
+        std::thread([part] {
+          for (;;) close(open(part.c_str(), O_WRONLY | O_CREAT, 0666));
+        }).detach();
+      EXPECT_EQ(write(ready, "x", 1), 1);
+      sleep(60);
+    });
+    EXPECT_EQ(signal, GetParam());
+    EXPECT_THAT(entries(), ElementsAre());
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Signals, Killed, ::testing::Values(SIGINT, SIGTERM, SIGHUP, SIGQUIT));

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -11,6 +12,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <fstream>
 #include <mutex>
 #include <optional>
@@ -150,13 +152,28 @@ void remove_all_parts() noexcept {
     if (e->there.load()) remove_tree(AT_FDCWD, e->path.c_str());
 }
 
+// The signal may be handled in one thread while another makes or reopens its part: no file is
+// opened any more before the last look. The pause lets an open() end that had begun. By system
+// calls alone: it runs in a signal handler.
+void remove_all_parts_for_good() noexcept {
+  remove_all_parts();  // folders, which need open files for it
+  rlimit none{};
+  if (getrlimit(RLIMIT_NOFILE, &none) == 0) {
+    none.rlim_cur = 0;
+    setrlimit(RLIMIT_NOFILE, &none);
+  }
+  const timespec pause{.tv_sec = 0, .tv_nsec = 5'000'000};
+  nanosleep(&pause, nullptr);
+  remove_all_parts();
+}
+
 // The disposition is the default again when this runs (SA_RESETHAND), so raise() ends the program.
 void on_signal(int signal) {
   const int error = errno;
   if (getpid() == owner && waiting.load() > 0) {
     came.store(signal);
   } else {
-    if (getpid() == owner) remove_all_parts();
+    if (getpid() == owner) remove_all_parts_for_good();
     raise(signal);
   }
   errno = error;
@@ -237,7 +254,7 @@ SignalsWait::SignalsWait() { ++waiting; }
 SignalsWait::~SignalsWait() {
   if (--waiting > 0) return;
   if (const int signal = came.exchange(0)) {
-    remove_all_parts();
+    remove_all_parts_for_good();
     raise(signal);
   }
 }
