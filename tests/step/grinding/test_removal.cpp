@@ -15,6 +15,10 @@ double total_of(const PerTissue<double>& v) {
   for (const double x : v) sum += x;
   return sum;
 }
+void step(Removal& removal, const Pose& pose) {
+  removal.advance(pose);
+  removal.carve();
+}
 Pose at(double x, double y, double z) { return {Vec3(x, y, z), Quat::Identity()}; }
 
 // The block's top face is y = 0; the cylinder stands along z, wholly inside in z.
@@ -37,12 +41,12 @@ TEST_F(RemovalOfACylinder, AStraightWayTakesLengthTimesDiameterTimesWay) {
   Removal removal(bur_, workpiece_, at(0, -2, -1.5));
   removal.clear(at(0, -2, -1.5));
   double x = 0;
-  for (; x < 1.0 - 1e-9; x += 0.002) removal.advance(at(x, -2, -1.5));
+  for (; x < 1.0 - 1e-9; x += 0.002) step(removal, at(x, -2, -1.5));
   removal.finish(at(1.0, -2, -1.5));
   const double exact = 2 * kBurRadius * kBurLength * 1.0;
   EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
   // The same way back takes nothing more.
-  for (; x > 0; x -= 0.002) removal.advance(at(x, -2, -1.5));
+  for (; x > 0; x -= 0.002) step(removal, at(x, -2, -1.5));
   removal.finish(at(0, -2, -1.5));
   EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
 }
@@ -50,10 +54,48 @@ TEST_F(RemovalOfACylinder, AStraightWayTakesLengthTimesDiameterTimesWay) {
 TEST_F(RemovalOfACylinder, AFastWayIsSweptAndSkipsNothing) {
   Removal slow(bur_, workpiece_, at(-1, -2, -1.5));
   slow.clear(at(-1, -2, -1.5));
-  slow.advance(at(1, -2, -1.5));  // two millimetres at once
+  step(slow, at(1, -2, -1.5));  // two millimetres at once
   slow.finish(at(1, -2, -1.5));
   const double exact = 2 * kBurRadius * kBurLength * 2.0;
   EXPECT_NEAR(total_of(slow.removed()), exact, 0.01 * exact);
+}
+
+TEST_F(RemovalOfACylinder, AFastWayRoundACornerIsNotCutShort) {
+  Removal removal(bur_, workpiece_, at(-1.5, -3, -1.5));
+  removal.clear(at(-1.5, -3, -1.5));
+  removal.advance(at(1, -3, -1.5));  // both within a step
+  removal.advance(at(1, -1, -1.5));
+  removal.carve();
+  removal.finish(at(1, -1, -1.5));
+  // Two legs with round ends, less what both sweep at the corner and what was clear at the start.
+  const double r = kBurRadius;
+  const double exact = kBurLength * (2 * r * (2.5 + 2.0) + (units::kPi / 4 - 1) * r * r);
+  EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
+}
+
+TEST_F(RemovalOfACylinder, AStepCarvesAShareOfALongWayAndTheRestFollows) {
+  const LayeredTooth fine = block(0.05, 4, Vec3(6, 4, 6));
+  Workpiece workpiece(fine);
+  Removal removal(bur_, workpiece, at(-1, -2, -1.5));
+  removal.clear(at(-1, -2, -1.5));
+  const double exact = 2 * kBurRadius * kBurLength * 2.0;
+  step(removal, at(1, -2, -1.5));
+  EXPECT_LT(total_of(removal.removed()), 0.5 * exact);
+  for (int i = 0; i < 50; ++i) step(removal, at(1, -2, -1.5));
+  EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
+}
+
+TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStaysThoughMoreWasLeftToCut) {
+  Removal removal(bur_, workpiece_, at(-2, -2, -1.5));
+  removal.clear(at(-2, -2, -1.5));
+  removal.advance(at(-1.95, -2, -1.5));  // not yet due
+  removal.pause(at(-1.95, -2, -1.5));
+  step(removal, at(1, -2, -1.5));  // the motor is on again
+  step(removal, at(1.05, -2, -1.5));
+  removal.finish(at(1.05, -2, -1.5));
+  // The way before the pause, and what the bur fills where it goes on.
+  const double exact = kBurLength * (2 * kBurRadius * 0.05 + units::kPi * kBurRadius * kBurRadius);
+  EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
 }
 
 TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
@@ -68,9 +110,9 @@ TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
 TEST_F(RemovalOfACylinder, NothingIsDueBeforeAVoxelOfWay) {
   Removal removal(bur_, workpiece_, at(0, -2, -1.5));
   removal.clear(at(0, -2, -1.5));
-  for (double x = 0; x < 0.099; x += 0.001) removal.advance(at(x, -2, -1.5));
+  for (double x = 0; x < 0.099; x += 0.001) step(removal, at(x, -2, -1.5));
   EXPECT_EQ(total_of(removal.removed()), 0);
-  for (double x = 0.1; x < 0.25; x += 0.001) removal.advance(at(x, -2, -1.5));
+  for (double x = 0.1; x < 0.25; x += 0.001) step(removal, at(x, -2, -1.5));
   EXPECT_GT(total_of(removal.removed()), 0);
 }
 
@@ -78,7 +120,7 @@ TEST_F(RemovalOfACylinder, InAirNothingIsRemovedAndNoBrickIsTouched) {
   const std::size_t bricks = workpiece_.cut().bricks_stored();
   Removal removal(bur_, workpiece_, at(0, 3, -1.5));
   removal.clear(at(0, 3, -1.5));
-  for (double x = 0; x < 1; x += 0.01) removal.advance(at(x, 3, -1.5));
+  for (double x = 0; x < 1; x += 0.01) step(removal, at(x, 3, -1.5));
   removal.finish(at(1, 3, -1.5));
   EXPECT_EQ(total_of(removal.removed()), 0);
   EXPECT_EQ(workpiece_.cut().bricks_stored(), bricks);
@@ -90,7 +132,7 @@ TEST_F(RemovalOfACylinder, TheVolumeFallsToTheTissuesOnBothSidesOfABorder) {
   Workpiece workpiece(layered);
   Removal removal(bur_, workpiece, at(0, -1, -1.5));
   removal.clear(at(0, -1, -1.5));
-  removal.advance(at(1, -1, -1.5));
+  step(removal, at(1, -1, -1.5));
   removal.finish(at(1, -1, -1.5));
   const double half = kBurRadius * kBurLength;
   EXPECT_NEAR(removal.removed()[0], half, 0.01 * half);

@@ -29,6 +29,7 @@ class LevelsetEngine final : public GrindingEngine {
   const ContactSet& contact() const noexcept override { return contact_.contact(); }
   PerTissue<double> clear(const Pose& pose) override { return removal_.clear(pose); }
   void advance(const Pose& pose) noexcept override { removal_.advance(pose); }
+  void carve() noexcept override { removal_.carve(); }
   void pause(const Pose& pose) noexcept override { removal_.pause(pose); }
   void finish(const Pose& pose) noexcept override { removal_.finish(pose); }
   const PerTissue<double>& removed() const noexcept override { return removal_.removed(); }

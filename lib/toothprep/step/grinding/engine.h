@@ -30,6 +30,8 @@ class GrindingEngine {  // of one bur and one workpiece; states in words what th
   virtual PerTissue<double> clear(const Pose& pose) = 0;
   // The bur has cut its way to `pose`.
   virtual void advance(const Pose& pose) noexcept = 0;
+  // Removes of that what is due, or a share of it. Once a step.
+  virtual void carve() noexcept = 0;
   // From `pose` on the bur moves without cutting (motor off, or stalled in direct drive). What was
   // due by then is removed when it turns again; what lies on the way in between is not.
   virtual void pause(const Pose& pose) noexcept = 0;

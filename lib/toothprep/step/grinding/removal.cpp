@@ -3,11 +3,17 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace toothprep {
 namespace {
 
-constexpr std::size_t kMaxSubPoses = 1024;
+// A way of more than 17 voxels is swept coarser: 2 mm in steps of 0.06 mm, which leaves ridges of
+// 1 µm with a bur of 1.2 mm.
+constexpr std::size_t kMaxSubPoses = 32;
+// Of the way that is not yet cut, at most; and how many are due, however little way they are.
+constexpr std::size_t kMostWaypoints = 512;
+constexpr std::size_t kDueWaypoints = 12;
 // Distance of sub-poses: half a voxel, and a little more, so that a cut that is due by a hair takes
 // two.
 constexpr double kSubPoseVoxels = 0.55;
@@ -17,10 +23,17 @@ constexpr int kBlockEdge = 4;
 constexpr int kBlockVoxels = kBlockEdge * kBlockEdge * kBlockEdge;
 constexpr int kBlocks = kBrickVoxels / kBlockVoxels;
 constexpr float kDistanceRounding = 1e-5f;  // mm, of distances in single precision
+constexpr float kRoot3 = 1.7320509f;
+// A sweep is taken for a translation if no point of the head leaves its chord by more than this.
+constexpr double kStraight = 0.05;  // voxels
 // A cut is carved in proportion to the way, a little ahead of the next one's being due; never less
 // than a few bricks a step, so that it ends when the bur rests.
 constexpr double kAhead = 1.25;
 constexpr std::size_t kLeastBricks = 4;
+// Never more than so many a step, however fast the bur: at 1 to 4 µs each (bench_step) a quarter of
+// a millisecond. A cut that is then late leaves more way to the next one, which costs less than the
+// same way in several, so that the delay stays below a voxel or two up to some 50 mm/s.
+constexpr std::size_t kMostBricks = 64;
 // The bricks of a cut are visited in leaps of about this part of it, so that those with much to
 // carve and those with nothing come evenly.
 constexpr double kLeap = 0.618;
@@ -28,6 +41,30 @@ constexpr double kLeap = 0.618;
 // The first voxel of a block in its brick.
 Index3 corner_of_block(int block) {
   return kBlockEdge * Index3(block >> 2, (block >> 1) & 1, block & 1);
+}
+
+// Distance from the bur's axis and place along it, mm, of a point `p` voxels from the tip (W).
+void put_place(const float* to_bur, const Eigen::Vector3f& p, float& r, float& z) noexcept {
+  const float* m = to_bur;
+  const float x = m[0] * p.x() + m[1] * p.y() + m[2] * p.z();
+  const float y = m[3] * p.x() + m[4] * p.y() + m[5] * p.z();
+  r = std::sqrt(x * x + y * y);
+  z = m[6] * p.x() + m[7] * p.y() + m[8] * p.z();
+}
+
+// Whether the solid of revolution is convex: its outline only turns left, from at least level at the
+// tip to at least level at the other end.
+bool is_convex(const std::vector<ProfilePiece>& outline) {
+  constexpr double kLevel = 1e-9;
+  double before_r = 1, before_z = 0;  // along the tip's mirror image at its flattest
+  for (const ProfilePiece& piece : outline) {
+    if (piece.kind == ProfilePiece::Kind::kArc && !piece.convex) return false;
+    const ProfilePoint from = point_on(piece, 0), to = point_on(piece, 1);
+    if (before_r * from.along_z - before_z * from.along_r < -kLevel) return false;
+    before_r = to.along_r;
+    before_z = to.along_z;
+  }
+  return before_z >= -kLevel;
 }
 
 // The least value in each block of a brick.
@@ -55,9 +92,13 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
     : bur_(bur),
       workpiece_(workpiece),
       due_distance_(workpiece.voxel()),
+      convex_(is_convex(bur.profile())),
       last_(pose),
-      previous_(pose) {
+      carved_at_(pose) {
+  way_.reserve(kMostWaypoints);
   sub_poses_.reserve(kMaxSubPoses);
+  from_brick_.resize(kMaxSubPoses);
+  from_blocks_.resize(kBlocks * kMaxSubPoses);
   carved_.reserve(workpiece.spare_bricks());
 }
 
@@ -68,32 +109,105 @@ double Removal::displacement(const Pose& from, const Pose& to) const noexcept {
          turn * std::hypot(bur_.head_length(), bur_.max_radius());
 }
 
-void Removal::plan(const Pose& pose) noexcept {
-  const LevelSet& solid = workpiece_.tooth().solid;
+void Removal::add_waypoint(const Pose& pose) noexcept {
+  const bool jump = std::exchange(resumes_, false);
+  // The latest is moved on as long as it is near to the one before, or there is no place for more.
+  const auto moves_on = [&] {
+    if (jump || way_.empty() || way_.back().jump) return false;
+    const Pose& before = way_.size() > 1 ? way_[way_.size() - 2].pose : last_;
+    return way_.size() == way_.capacity() ||
+           displacement(before, pose) <= kSubPoseVoxels * due_distance_;
+  };
+  if (moves_on()) {
+    way_.back().pose = pose;
+    return;
+  }
+  if (way_.size() == way_.capacity()) {
+    carve_all();
+    plan();
+  }
+  way_.push_back({pose, jump});
+}
+
+// After a voxel of way, however it winds; and of what is left before a pause.
+bool Removal::cut_is_due() const noexcept {
+  if (way_.empty()) return false;
+  if (way_.size() >= kDueWaypoints) return true;
+  for (const Waypoint& w : way_)
+    if (w.jump) return true;
+  return displacement(last_, way_.back().pose) >= due_distance_;
+}
+
+// A cut of the way as far as the next jump, or as it is straight: the longest part by halving.
+void Removal::plan() noexcept {
+  while (!way_.empty() && way_.front().jump) {
+    last_ = way_.front().pose;
+    way_.erase(way_.begin());
+  }
+  std::size_t count = 0;
+  while (count < way_.size() && !way_[count].jump) ++count;
+  if (count == 0) return;
+  bool straight = is_straight(count);
+  for (; !straight && count > 1; straight = is_straight(count)) count /= 2;
+  const Pose end = way_[count - 1].pose;
+  one_least_ = convex_ && straight;
+  late_ = displacement(last_, end) > 2 * due_distance_;
+  plan_sub_poses(last_, end);
+  last_ = end;
+  way_.erase(way_.begin(), way_.begin() + static_cast<long>(count));
+  plan_box();
+}
+
+void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
   const double voxel = workpiece_.voxel();
-  const double way = displacement(last_, pose);
-  const auto count = static_cast<std::size_t>(std::clamp(std::ceil(way / (kSubPoseVoxels * voxel)),
-                                                         1.0, static_cast<double>(kMaxSubPoses)));
+  const auto count =
+      static_cast<int>(std::clamp(std::ceil(displacement(from, to) / (kSubPoseVoxels * voxel)), 1.0,
+                                  static_cast<double>(kMaxSubPoses)));
   sub_poses_.clear();
-  Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
-  for (std::size_t i = 1; i <= count; ++i) {
-    const double t = static_cast<double>(i) / static_cast<double>(count);
-    const Quat q = i == count ? pose.orientation : last_.orientation.slerp(t, pose.orientation);
+  for (int i = 1; i <= count; ++i) {
+    const double t = static_cast<double>(i) / count;
+    const Quat q = i == count ? to.orientation : from.orientation.slerp(t, to.orientation);
     const Vec3 p =
-        i == count ? pose.position : Vec3(last_.position + t * (pose.position - last_.position));
+        i == count ? to.position : Vec3(from.position + t * (to.position - from.position));
     SubPose s;
     s.tip = workpiece_.lattice().to_index(p);
+    s.end = s.tip + q * Vec3(0, 0, bur_.head_length() / voxel);
     const Mat3 to_bur = q.toRotationMatrix().transpose() * voxel;
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 3; ++c) s.to_bur[3 * r + c] = static_cast<float>(to_bur(r, c));
     sub_poses_.push_back(s);
-    // Box of the capsule around the head, grown by the band.
-    const Vec3 end = s.tip + q * Vec3(0, 0, bur_.head_length() / voxel);
-    const Vec3 grow = Vec3::Constant(bur_.max_radius() / voxel + kBandVoxels);
-    low = low.cwiseMin((s.tip.cwiseMin(end)) - grow);
-    high = high.cwiseMax((s.tip.cwiseMax(end)) + grow);
   }
-  last_ = pose;
+}
+
+// Whether the sweep is a translation along a line: nowhere further off it than a small part of a
+// voxel, and never back.
+bool Removal::is_straight(std::size_t waypoints) const noexcept {
+  const Pose& end = way_[waypoints - 1].pose;
+  const double limit = kStraight * workpiece_.voxel();
+  const double turn = last_.orientation.angularDistance(end.orientation);
+  if (turn * turn / 8 * bur_.head_length() > limit) return false;
+  const Vec3 chord = end.position - last_.position;
+  const Vec3 along = chord.norm() > 0 ? Vec3(chord.normalized()) : Vec3::Zero();
+  double reached = 0;
+  for (std::size_t i = 0; i < waypoints; ++i) {
+    const Vec3 from_start = way_[i].pose.position - last_.position;
+    const double here = along.dot(from_start);
+    if (here < reached - limit || (from_start - here * along).norm() > limit) return false;
+    reached = here;
+  }
+  return true;
+}
+
+// The bricks that the sub-poses may touch: the boxes of the capsules around the head, grown by the
+// band.
+void Removal::plan_box() noexcept {
+  const LevelSet& solid = workpiece_.tooth().solid;
+  const Vec3 grow = Vec3::Constant(bur_.max_radius() / workpiece_.voxel() + kBandVoxels);
+  Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
+  for (const SubPose& s : sub_poses_) {
+    low = low.cwiseMin(s.tip.cwiseMin(s.end) - grow);
+    high = high.cwiseMax(s.tip.cwiseMax(s.end) + grow);
+  }
   const Index3 grid_last = solid.first_brick() + solid.brick_counts() - Index3::Ones();
   for (int a = 0; a < 3; ++a) {
     const double limit = 1e8;  // a pose far outside must not overflow
@@ -108,11 +222,12 @@ void Removal::plan(const Pose& pose) noexcept {
   while (std::gcd(stride_, box_size_) > 1) stride_ += 2;
 }
 
-void Removal::carve_some(std::size_t bricks) noexcept {
+// Visits `visits` bricks of the box, and carves `bricks` of them at most.
+void Removal::carve_some(std::size_t visits, std::size_t bricks) noexcept {
   const LevelSet& solid = workpiece_.tooth().solid;
   const LevelSet& cut = workpiece_.cut();
-  const std::size_t end = std::min(box_size_, cursor_ + bricks);
-  for (; cursor_ < end; ++cursor_) {
+  const std::size_t end = cursor_ + std::min(box_size_ - cursor_, visits);
+  for (; cursor_ < end && bricks > 0; ++cursor_) {
     const std::size_t at = cursor_ * stride_ % box_size_;
     const auto z = static_cast<int>(at % box_counts_.z());
     const auto y = static_cast<int>(at / box_counts_.z() % box_counts_.y());
@@ -124,6 +239,7 @@ void Removal::carve_some(std::size_t bricks) noexcept {
     // A sweep that is larger than what can be kept apart comes in several parts.
     if (carved_.size() == carved_.capacity()) apply();
     carve_brick(b);
+    --bricks;
   }
   if (cursor_ >= box_size_) apply();
 }
@@ -142,47 +258,90 @@ void Removal::apply() noexcept {
   carved_.clear();
 }
 
+// from_brick_: how far the bur is from `centre` (index coordinates) at each sub-pose.
+void Removal::measure_brick(const Vec3& centre) noexcept {
+  alignas(32) float r[kBlocks], z[kBlocks];
+  for (std::size_t from = 0; from < sub_poses_.size(); from += kBlocks) {
+    const std::size_t some = std::min<std::size_t>(kBlocks, sub_poses_.size() - from);
+    for (std::size_t i = 0; i < some; ++i)
+      put_place(sub_poses_[from + i].to_bur, (centre - sub_poses_[from + i].tip).cast<float>(),
+                r[i], z[i]);
+    bur_.distances(r, z, from_brick_.data() + from, static_cast<int>(some));
+  }
+}
+
+// from_blocks_: the same for the centres of the brick's blocks, at the sub-poses of `near`.
+void Removal::measure_blocks(const Index3& first, Range near) noexcept {
+  constexpr float kHalf = 0.5f * (kBlockEdge - 1);
+  alignas(32) float r[kBlocks], z[kBlocks];
+  for (std::size_t i = near.begin; i < near.end; ++i) {
+    const SubPose& s = sub_poses_[i];
+    const Eigen::Vector3f offset =
+        (first.cast<double>() - s.tip).cast<float>() + Eigen::Vector3f::Constant(kHalf);
+    for (int block = 0; block < kBlocks; ++block)
+      put_place(s.to_bur, offset + corner_of_block(block).cast<float>(), r[block], z[block]);
+    bur_.distances(r, z, from_blocks_.data() + kBlocks * i, kBlocks);
+  }
+}
+
 // next <- the largest -d_bur of the sub-poses, where that can be above `before`. False if nowhere.
 bool Removal::sweep_brick(const Index3& first, const float* before, bool uniform,
                           float* next) noexcept {
   const float band = workpiece_.band(), voxel = static_cast<float>(workpiece_.voxel());
-  const float half_diagonal = 0.5f * static_cast<float>(kBlockEdge - 1) * 1.7320509f * voxel;
-  constexpr float kHalf = 0.5f * (kBlockEdge - 1);
-  alignas(32) float r[kBlocks], z[kBlocks], centre[kBlocks], low[kBlocks];
-  bool touched = false;
-  for (const SubPose& s : sub_poses_) {
-    const Eigen::Vector3f offset = (first.cast<double>() - s.tip).cast<float>();
-    const float* m = s.to_bur;
-    for (int block = 0; block < kBlocks; ++block) {
-      const Eigen::Vector3i corner = corner_of_block(block);
-      const float x = offset.x() + static_cast<float>(corner.x()) + kHalf,
-                  y = offset.y() + static_cast<float>(corner.y()) + kHalf,
-                  w = offset.z() + static_cast<float>(corner.z()) + kHalf;
-      const float bx = m[0] * x + m[1] * y + m[2] * w, by = m[3] * x + m[4] * y + m[5] * w;
-      r[block] = std::sqrt(bx * bx + by * by);
-      z[block] = m[6] * x + m[7] * y + m[8] * w;
-    }
-    bur_.distances(r, z, centre, kBlocks);
-    for (int block = 0; block < kBlocks; ++block) {
-      if (centre[block] > half_diagonal + band) continue;
-      if (!touched) {
-        std::fill(next, next + kBrickVoxels, -band);
-        least_of_blocks(before, uniform, low);
-        touched = true;
-      }
-      // A distance changes by no more than the way from the centre.
-      if (low[block] >= std::min(half_diagonal - centre[block] + kDistanceRounding, band)) continue;
-      const Eigen::Vector3i corner = corner_of_block(block);
-      float* to = next + brick_offset(corner.x(), corner.y(), corner.z());
-      if (centre[block] < -half_diagonal - band) {
-        for (int row = 0; row < kBlockEdge * kBlockEdge; ++row)
-          std::fill_n(to + brick_offset(row / kBlockEdge, row % kBlockEdge, 0), kBlockEdge, band);
-        continue;
-      }
-      carve_block(s, offset + corner.cast<float>(), to);
-    }
+  const float half_brick = 0.5f * static_cast<float>(kBrickEdge - 1) * kRoot3 * voxel;
+  measure_brick(first.cast<double>() + Vec3::Constant(0.5 * (kBrickEdge - 1)));
+  const auto begin = from_brick_.begin(), end = begin + static_cast<long>(sub_poses_.size());
+  if (*std::min_element(begin, end) < -half_brick - band) {
+    std::fill_n(next, kBrickVoxels, band);
+    return true;
   }
-  return touched;
+  // A distance changes by no more than the way from the centre.
+  const auto reaches = [&](float d) { return d <= half_brick + band; };
+  const auto one = std::find_if(begin, end, reaches);
+  if (one == end) return false;
+  auto past = end;
+  while (!reaches(past[-1])) --past;
+  const Range near{static_cast<std::size_t>(one - begin), static_cast<std::size_t>(past - begin)};
+  measure_blocks(first, near);
+  std::fill_n(next, kBrickVoxels, -band);
+  alignas(32) float low[kBlocks];
+  least_of_blocks(before, uniform, low);
+  for (int block = 0; block < kBlocks; ++block) sweep_block(first, block, low[block], near, next);
+  return true;
+}
+
+// The same in a block of the brick, of which `low` is the least value before.
+void Removal::sweep_block(const Index3& first, int block, float low, Range near,
+                          float* next) noexcept {
+  const float band = workpiece_.band(), voxel = static_cast<float>(workpiece_.voxel());
+  const float half = 0.5f * static_cast<float>(kBlockEdge - 1) * kRoot3 * voxel;
+  const float* d = from_blocks_.data() + block;
+  std::size_t best = near.begin;
+  for (std::size_t i = near.begin; i < near.end; ++i)
+    if (d[kBlocks * i] < d[kBlocks * best]) best = i;
+  // Whether it is near enough, and can cut something deeper than it is.
+  const auto cuts = [&](std::size_t i) {
+    return d[kBlocks * i] <= half + band && low < half - d[kBlocks * i] + kDistanceRounding;
+  };
+  if (low >= band || !cuts(best)) return;
+  const Index3 corner = corner_of_block(block);
+  float* to = next + brick_offset(corner.x(), corner.y(), corner.z());
+  if (d[kBlocks * best] < -half - band) {
+    for (int row = 0; row < kBlockEdge * kBlockEdge; ++row)
+      std::fill_n(to + brick_offset(row / kBlockEdge, row % kBlockEdge, 0), kBlockEdge, band);
+    return;
+  }
+  const auto deepens = [&](std::size_t i) {
+    return cuts(i) &&
+           carve_block(
+               sub_poses_[i],
+               (first.cast<double>() - sub_poses_[i].tip).cast<float>() + corner.cast<float>(), to);
+  };
+  deepens(best);
+  for (std::size_t i = best + 1; i < near.end; ++i)
+    if (!deepens(i) && one_least_) break;
+  for (std::size_t i = best; i-- > near.begin;)
+    if (!deepens(i) && one_least_) break;
 }
 
 void Removal::carve_brick(std::size_t brick) noexcept {
@@ -211,8 +370,9 @@ void Removal::carve_brick(std::size_t brick) noexcept {
   carved_.push_back({brick, values});
 }
 
-// next <- max(next, -d_bur) for the 4³ voxels from `offset` (voxels from the tip).
-void Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset, float* next) noexcept {
+// next <- max(next, -d_bur) for the 4³ voxels from `offset` (voxels from the tip). Whether any
+// changed.
+bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset, float* next) noexcept {
   alignas(32) float r[kBlockVoxels], z[kBlockVoxels], d[kBlockVoxels];
   const float* m = s.to_bur;
   for (int i = 0; i < kBlockEdge; ++i)
@@ -228,12 +388,17 @@ void Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset, float
       }
     }
   bur_.distances(r, z, d, kBlockVoxels);
+  int deeper = 0;
   for (int i = 0; i < kBlockEdge; ++i)
     for (int j = 0; j < kBlockEdge; ++j) {
       float* row = next + brick_offset(i, j, 0);
       const float* from = d + kBlockEdge * (kBlockEdge * i + j);
-      for (int k = 0; k < kBlockEdge; ++k) row[k] = std::max(row[k], -from[k]);
+      for (int k = 0; k < kBlockEdge; ++k) {
+        deeper |= -from[k] > row[k] ? 1 : 0;
+        row[k] = std::max(row[k], -from[k]);
+      }
     }
+  return deeper != 0;
 }
 
 // Volume of what remains in a voxel: (1/2 - phi/D) clamped to [0, 1]; before less after, by tissue.
@@ -280,9 +445,10 @@ void Removal::count_removed(std::size_t brick, const float* before, const float*
 
 PerTissue<double> Removal::clear(const Pose& pose) {
   const PerTissue<double> before = removed_;
-  last_ = previous_ = pose;
-  plan(pose);
-  carve_some(box_size_);
+  last_ = carved_at_ = pose;
+  way_.assign(1, {pose, false});
+  plan();
+  carve_all();
   PerTissue<double> volume{};
   for (int k = 0; k < kTissueCount; ++k) volume[k] = removed_[k] - before[k];
   removed_ = before;
@@ -290,30 +456,36 @@ PerTissue<double> Removal::clear(const Pose& pose) {
 }
 
 void Removal::advance(const Pose& pose) noexcept {
-  if (paused_) {
-    finish(pose);
-    last_ = pose;
-    paused_ = false;
-  }
-  if (cursor_ >= box_size_ && displacement(last_, pose) >= due_distance_) plan(pose);
-  if (cursor_ < box_size_) {
-    const double part = kAhead * displacement(previous_, pose) / due_distance_;
-    carve_some(std::max(kLeastBricks, static_cast<std::size_t>(std::min(1.0, part) * box_size_)));
-  }
-  previous_ = pose;
+  resumes_ |= std::exchange(paused_, false);
+  if (resumes_) carved_at_ = pose;
+  add_waypoint(pose);
+  advanced_ = true;
 }
 
 void Removal::pause(const Pose& pose) noexcept {
-  if (!paused_) pause_pose_ = pose;
+  if (!paused_ && displacement(way_.empty() ? last_ : way_.back().pose, pose) > 0)
+    add_waypoint(pose);
   paused_ = true;
 }
 
+void Removal::carve() noexcept {
+  if (!std::exchange(advanced_, false)) return;
+  const Pose& pose = way_.empty() ? last_ : way_.back().pose;
+  const double part = kAhead * displacement(carved_at_, pose) / due_distance_;
+  carved_at_ = pose;
+  if (cursor_ >= box_size_ && cut_is_due()) plan();
+  if (cursor_ >= box_size_) return;
+  const bool hurry = late_ || part > 1 || cut_is_due();
+  const auto share = hurry ? box_size_ : static_cast<std::size_t>(part * box_size_);
+  carve_some(std::max(kLeastBricks, share), kMostBricks);
+}
+
 void Removal::finish(const Pose& pose) noexcept {
-  const Pose& end = paused_ ? pause_pose_ : pose;
-  carve_some(box_size_);
-  if (displacement(last_, end) > 0) {
-    plan(end);
-    carve_some(box_size_);
+  if (!paused_) add_waypoint(pose);
+  carve_all();
+  while (!way_.empty()) {
+    plan();
+    carve_all();
   }
 }
 

@@ -2,11 +2,11 @@
 // d_bur.
 //
 // A cut is due when the bur has moved one voxel since the last (Eq. 20 as a distance: it needs no
-// clock). A cut sweeps the bur from its last cut pose to the present one in sub-poses of at most
-// half a voxel, so that a fast move can't jump over tissue. Its work is spread over the following
-// steps, brick by brick, so that no step pays for a whole cut; the carved bricks are put in place
-// all at once when the last is done, so that contact never reads a field that is half carved. Until
-// then the bur meets the same tissue a little deeper below its surface.
+// clock). A cut sweeps the bur along its way since the last cut in sub-poses of at most half a voxel,
+// so that a fast move can't jump over tissue. Its work is spread over the following steps, brick by
+// brick, so that no step pays for a whole cut; the carved bricks are put in place all at once when
+// the last is done, so that contact never reads a field that is half carved. Until then the bur meets
+// the same tissue a little deeper below its surface.
 #pragma once
 
 #include <cstdint>
@@ -25,12 +25,14 @@ class Removal {
   // Removes at once whatever lies inside the bur at `pose`, and returns the volume per tissue, mm³.
   PerTissue<double> clear(const Pose& pose);
 
-  // Plans a cut to `pose` if one is due and none is under way, then carves a share of the cut under
-  // way. Allocates nothing.
+  // The bur has cut its way to `pose`. This, pause() and carve() allocate nothing.
   void advance(const Pose& pose) noexcept;
   // From `pose` on the bur moves without cutting (motor off, or stalled in direct drive). What was
   // due by then is carved when it turns again; the way in between is not.
   void pause(const Pose& pose) noexcept;
+  // Once a step: plans a cut if one is due and none is under way, then carves a share of the cut
+  // under way. Does nothing unless the bur has advanced since the last call.
+  void carve() noexcept;
   // Carves everything that is due up to `pose`, or up to where it was paused.
   void finish(const Pose& pose) noexcept;
 
@@ -41,26 +43,53 @@ class Removal {
 
  private:
   struct SubPose {
-    Vec3 tip;         // index coordinates
+    Vec3 tip, end;    // of the head, index coordinates
     float to_bur[9];  // rotation W -> B times the voxel size, row by row
   };
-  void plan(const Pose& pose) noexcept;
-  void carve_some(std::size_t bricks) noexcept;
+  struct Range {  // of sub-poses
+    std::size_t begin, end;
+  };
+  // A pose on the way. To the first after a pause nothing is cut.
+  struct Waypoint {
+    Pose pose;
+    bool jump;
+  };
+  void add_waypoint(const Pose& pose) noexcept;
+  bool cut_is_due() const noexcept;
+  void plan() noexcept;
+  void plan_sub_poses(const Pose& from, const Pose& to) noexcept;
+  void plan_box() noexcept;
+  bool is_straight(std::size_t waypoints) const noexcept;
+  void carve_some(std::size_t visits, std::size_t bricks) noexcept;
+  void carve_all() noexcept { carve_some(box_size_, box_size_); }
   void apply() noexcept;
   void carve_brick(std::size_t brick) noexcept;
+  void measure_brick(const Vec3& centre) noexcept;
+  void measure_blocks(const Index3& first, Range near) noexcept;
   bool sweep_brick(const Index3& first, const float* before, bool uniform, float* next) noexcept;
-  void carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* next) noexcept;
+  void sweep_block(const Index3& first, int block, float low, Range near, float* next) noexcept;
+  bool carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* next) noexcept;
   void count_removed(std::size_t brick, const float* before, const float* after) noexcept;
   double displacement(const Pose& from, const Pose& to) const noexcept;
 
   const Bur& bur_;
   Workpiece& workpiece_;
-  double due_distance_;  // mm
-  Pose last_;            // where the last planned cut ended
-  Pose previous_;        // of the step before
+  double due_distance_;        // mm
+  bool convex_;                // the head
+  Pose last_;                  // where the last planned cut ended
+  std::vector<Waypoint> way_;  // from there on; capacity reserved once
+  Pose carved_at_;             // of the last call of carve()
+  bool advanced_ = false;      // since then
+  bool paused_ = false, resumes_ = false;
 
   // The cut under way: sub-poses, and the box of bricks it may touch with a cursor in it.
   std::vector<SubPose> sub_poses_;  // capacity reserved once
+  // The distance from a convex body that moves straight on has one least value on the way: sub-poses
+  // are tried from the nearest on as long as they cut deeper.
+  bool one_least_ = false;
+  bool late_ = false;  // it is of much more way than is due: as fast as a step may
+  // mm, from the bur at each sub-pose: of a brick's centre, and of those of its blocks.
+  std::vector<float> from_brick_, from_blocks_;
   Index3 box_first_ = Index3::Zero(), box_counts_ = Index3::Zero();
   std::size_t cursor_ = 0, box_size_ = 0, stride_ = 1;
   // Carved and not yet in place: the brick and its new values, null for all cut.
@@ -71,8 +100,6 @@ class Removal {
   std::vector<Carved> carved_;  // capacity reserved once
   PerTissue<double> removed_{};
   std::uint64_t cuts_made_ = 0;
-  bool paused_ = false;
-  Pose pause_pose_;
 };
 
 }  // namespace toothprep

@@ -42,6 +42,7 @@ class VoxelEngine final : public GrindingEngine {
   const ContactSet& contact() const noexcept override { return contact_; }
   PerTissue<double> clear(const Pose& pose) override;
   void advance(const Pose& pose) noexcept override;
+  void carve() noexcept override {}  // advance() has removed it
   void pause(const Pose& pose) noexcept override;
   void finish(const Pose& pose) noexcept override;
   const PerTissue<double>& removed() const noexcept override { return removed_; }

@@ -64,6 +64,7 @@ StepRecord Session::Work::step(const HandleSample& next) noexcept {
   for (int part = 1; part <= parts; ++part)
     whole.add(
         step_part(handle_between(from, next, part, parts), model_.parameters.time_step / parts));
+  engine_->carve();
   StepRecord row = whole.row(start, model_.parameters.time_step);
   row.removed_volume = engine_->removed();
   row.shank_contact_area = area_in_tissue(model_.shank, workpiece_, state_.pose);

@@ -11,8 +11,9 @@ namespace {
 constexpr double kLongWay = 0.5;     // voxels in a step, from which it goes in parts
 constexpr double kPartOfWay = 0.33;  // voxels
 constexpr double kMostParts = 64;
-constexpr double kShareOfStep = 0.5;           // of the time step, for all parts together
-constexpr double kSecondsPerElement = 100e-9;  // of a part, at most (bench_step, SplitStep)
+constexpr double kShareOfStep = 0.3;          // of the time step, for all parts together; removal
+                                              // has a bound of its own (removal.cpp)
+constexpr double kSecondsPerElement = 60e-9;  // of a part, at most (bench_step)
 
 // Running mean, exact for a constant.
 template <typename T>

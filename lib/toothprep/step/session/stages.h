@@ -36,6 +36,7 @@ void judge_stall(const StepModel& model, const BurState& state, GrindingEngine& 
 
 void integrate(const StepModel& model, StepPart& part, BurState& state) noexcept;
 
+// Marks the way that is cut, or left out. The engine carves it once a step, after the last part.
 void remove_tissue(const StepModel& model, const StepPart& part, const BurState& state,
                    GrindingEngine& engine) noexcept;
 
