@@ -12,9 +12,9 @@
 namespace toothprep::testing {
 namespace {
 
-constexpr double kLength = 3;  // mm, of the block along the feed
-constexpr double kSpeed = 8;   // mm/s: 8 µm a step
-constexpr double kStart = 3;   // mm before and behind its middle: the head is clear of it
+constexpr double kLength = 3;   // mm, of the block along the feed
+constexpr double kSpeed = 1.6;  // mm/s: 8 µm a step
+constexpr double kStart = 3;    // mm before and behind its middle: the head is clear of it
 
 // The bur upright over the block's top face, then leant across the feed and along it.
 Quat upright_leant(double across, double along) {

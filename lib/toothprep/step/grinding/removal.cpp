@@ -26,10 +26,10 @@ constexpr float kDistanceRounding = 1e-5f;  // mm, of distances in single precis
 constexpr float kRoot3 = 1.7320509f;
 // A sweep is taken for a translation if no point of the head leaves its chord by more than this.
 constexpr double kStraight = 0.05;  // voxels
-// A cut is carved in proportion to the way, a little ahead of the next one's being due; never less
-// than a few bricks a step, so that it ends when the bur rests.
+// A cut is carved in proportion to the way, a little ahead of the next one's being due. At once it
+// would come too near to the surface: a wall that is nearer than most of a voxel disturbs what is
+// read there, so that a slow bur would have felt less than a fast one.
 constexpr double kAhead = 1.25;
-constexpr std::size_t kLeastBricks = 4;
 // Never more than so many a step, however fast the bur: at 1 to 4 µs each (bench_step) a quarter of
 // a millisecond. A cut that is then late leaves more way to the next one, which costs less than the
 // same way in several, so that the delay stays below a voxel or two up to some 50 mm/s.
@@ -155,6 +155,7 @@ void Removal::plan() noexcept {
   plan_sub_poses(last_, end);
   last_ = end;
   way_.erase(way_.begin(), way_.begin() + static_cast<long>(count));
+  way_since_plan_ = 0;
   plan_box();
 }
 
@@ -471,13 +472,14 @@ void Removal::pause(const Pose& pose) noexcept {
 void Removal::carve() noexcept {
   if (!std::exchange(advanced_, false)) return;
   const Pose& pose = way_.empty() ? last_ : way_.back().pose;
-  const double part = kAhead * displacement(carved_at_, pose) / due_distance_;
+  way_since_plan_ += displacement(carved_at_, pose);
   carved_at_ = pose;
   if (cursor_ >= box_size_ && cut_is_due()) plan();
   if (cursor_ >= box_size_) return;
-  const bool hurry = late_ || part > 1 || cut_is_due();
-  const auto share = hurry ? box_size_ : static_cast<std::size_t>(part * box_size_);
-  carve_some(std::max(kLeastBricks, share), kMostBricks);
+  const bool hurry = late_ || cut_is_due();
+  const double part = hurry ? 1 : std::min(1.0, kAhead * way_since_plan_ / due_distance_);
+  const auto by_now = static_cast<std::size_t>(std::ceil(part * static_cast<double>(box_size_)));
+  if (by_now > cursor_) carve_some(by_now - cursor_, kMostBricks);
 }
 
 void Removal::finish(const Pose& pose) noexcept {

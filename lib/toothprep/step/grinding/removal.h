@@ -79,6 +79,7 @@ class Removal {
   Pose last_;                  // where the last planned cut ended
   std::vector<Waypoint> way_;  // from there on; capacity reserved once
   Pose carved_at_;             // of the last call of carve()
+  double way_since_plan_ = 0;  // mm
   bool advanced_ = false;      // since then
   bool paused_ = false, resumes_ = false;
 
