@@ -12,9 +12,8 @@
 namespace toothprep::testing {
 namespace {
 
-constexpr double kLength = 3;   // mm, of the block along the feed
-constexpr double kSpeed = 1.6;  // mm/s: 8 µm a step
-constexpr double kStart = 3;    // mm before and behind its middle: the head is clear of it
+constexpr double kLength = 3;  // mm, of the block along the feed
+constexpr double kStart = 3;   // mm before and behind its middle: the head is clear of it
 
 // The bur upright over the block's top face, then leant across the feed and along it.
 Quat upright_leant(double across, double along) {
@@ -28,6 +27,7 @@ struct Passes {
   double across, along;  // rad
   double enamel;         // mm
   std::vector<double> z;
+  double speed = 8;  // mm/s
 };
 
 struct Work {
@@ -44,7 +44,7 @@ std::vector<Work> work_of(const Passes& p, double voxel) {
   Session session(bur, workpiece, parameters, Drive::kDirect, handle);
   const auto cut_to = [&](double x) {
     const double before = session.totals().torque_work, from = handle.pose.position.x();
-    const int steps = static_cast<int>(std::ceil(std::abs(x - from) / kSpeed / 1e-3));
+    const int steps = static_cast<int>(std::ceil(std::abs(x - from) / p.speed / 1e-3));
     for (int i = 1; i <= steps; ++i) {
       handle.time += 1e-3;
       handle.pose.position.x() = from + (x - from) * i / steps;
@@ -80,7 +80,7 @@ std::vector<std::vector<Vec3>> forces_in_the_middle(const Passes& p, double voxe
     handle.buttons = 0;
     session.step(handle);
     handle.buttons = kPedalButton;
-    for (double x = -kStart; x <= kStart; x += kSpeed * 1e-3) {
+    for (double x = -kStart; x <= kStart; x += p.speed * 1e-3) {
       handle.time += 1e-3;
       handle.pose.position.x() = x;
       const StepRecord row = session.step(handle);
@@ -155,6 +155,14 @@ TEST(OverlappingPasses, WorkIsTheEnergyOfWhatIsNewlySweptAtATenthOfAMillimetre) 
   for (const Passes& p : selection()) EXPECT_LT(errors_of(p, 0.1).beyond, 1) << p.bur;
 }
 
+// A fifth of the speed: cuts come as near to the surface as before.
+TEST(OverlappingPasses, ASlowBurFeelsWhatAFastOneDoes) {
+  for (Passes p : {selection()[0], selection()[4]}) {
+    p.speed = 1.6;
+    EXPECT_LT(errors_of(p, 0.1).beyond, 1) << p.bur;
+  }
+}
+
 // The first two passes.
 TEST(OverlappingPasses, WorkIsThreeTimesCloserAtHalfOfThat) {
   for (Passes p : selection()) {
@@ -192,7 +200,7 @@ TEST(OverlappingPasses, ForceVectorsAreThoseOfTheExactIntegralOverTheEngagedSurf
     for (std::size_t i = 0; i < p.z.size(); ++i) {
       tips.emplace_back(0, -p.depth, p.z[i]);
       const Vec3 exact =
-          reference::load_in_swept(scene, bur, upright_leant(p.across, p.along), tips, kSpeed)
+          reference::load_in_swept(scene, bur, upright_leant(p.across, p.along), tips, p.speed)
               .force;
       full = std::max(full, exact.norm());
       double square = 0;
