@@ -18,7 +18,8 @@ const std::vector<std::pair<std::string, Kind>> kKinds = {
     {"closed-loop", Kind::kClosedLoop},
     {"preparations", Kind::kPreparations},
     {"literal", Kind::kLiteral},
-    {"droop", Kind::kDroop}};
+    {"droop", Kind::kDroop},
+    {"passes", Kind::kPasses}};
 
 std::string beside(const std::string& folder, const std::string& file) {
   return (fs::path(folder) / file).lexically_normal().string();  // an absolute file stays

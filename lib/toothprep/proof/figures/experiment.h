@@ -33,7 +33,8 @@ enum class Kind {
   kClosedLoop,           // figure 15
   kPreparations,         // figure 16
   kLiteral,              // both readings of the paper
-  kDroop                 // both collapses of a drooping handpiece
+  kDroop,                // both collapses of a drooping handpiece
+  kPasses                // work and force of overlapping straight passes
 };
 
 struct Run {

@@ -163,6 +163,7 @@ int replays_of(const Experiment& experiment, const FigureOptions& options) {
     case Kind::kStall:
       return engines * runs;
     case Kind::kLiteral:
+    case Kind::kPasses:
       return 2 * runs;
     case Kind::kClosedLoop:
       return 3;

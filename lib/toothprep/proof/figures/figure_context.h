@@ -63,5 +63,6 @@ FigureReport closed_loop_figure(const Experiment& experiment, FigureContext& con
 FigureReport preparation_figure(const Experiment& experiment, FigureContext& context);
 FigureReport literal_figure(const Experiment& experiment, FigureContext& context);
 FigureReport droop_figure(const Experiment& experiment, FigureContext& context);
+FigureReport passes_figure(const Experiment& experiment, FigureContext& context);
 
 }  // namespace toothprep::figures

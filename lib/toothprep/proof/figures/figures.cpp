@@ -25,6 +25,8 @@ FigureReport run_experiment(const Experiment& experiment, FigureContext& context
       return literal_figure(experiment, context);
     case Kind::kDroop:
       return droop_figure(experiment, context);
+    case Kind::kPasses:
+      return passes_figure(experiment, context);
   }
   return {};
 }
@@ -33,7 +35,8 @@ FigureReport run_experiment(const Experiment& experiment, FigureContext& context
 void check(const Experiment& experiment, const FigureOptions& options) {
   const bool exact = experiment.kind == Kind::kPlateaus || experiment.kind == Kind::kStall ||
                      experiment.kind == Kind::kProportionalToSpeed ||
-                     experiment.kind == Kind::kProportionalToArea;
+                     experiment.kind == Kind::kProportionalToArea ||
+                     experiment.kind == Kind::kPasses;
   for (const Run& run : experiment.runs) {
     const Parameters p = parameters_of(run, options.base, !run.literal.empty());
     path_of(run, p);

@@ -1,0 +1,143 @@
+// Overlapping passes, as every real cavity is cut: the work and the force of each against what it
+// newly sweeps.
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/proof/figures/figure_context.h"
+#include "toothprep/proof/reference/swept_passes.h"
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/core/errors.h"
+
+namespace toothprep::figures {
+namespace {
+
+// What is allowed of a pass at the voxel size of the run, and at half of it, percent: of its own
+// energy or of the first pass's, whichever is more. A chip can be as thin as a voxel's wall error.
+constexpr double kOfPass[2] = {1, 0.3}, kOfFirst[2] = {0.2, 0.05};
+constexpr double kForceOfPass = 1, kForceOfFirst = 0.2;
+
+struct Pass {
+  std::size_t first, last;  // samples: moves from the first to the last
+};
+
+// The stretches of a path that lead along x with the motor on.
+std::vector<Pass> passes_of(const std::vector<HandleSample>& path) {
+  std::vector<Pass> passes;
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    const Vec3 way = path[i].pose.position - path[i - 1].pose.position;
+    if (!(path[i].buttons & kPedalButton) || std::abs(way.x()) < 1e-9 ||
+        std::hypot(way.y(), way.z()) > 1e-9)
+      continue;
+    if (!passes.empty() && passes.back().last == i - 1)
+      passes.back().last = i;
+    else
+      passes.push_back({i - 1, i});
+  }
+  return passes;
+}
+
+// The exact answers hold for passes right through the block, at one orientation.
+void check(const Experiment& experiment, const Bur& bur, const std::vector<HandleSample>& path,
+           const std::vector<Pass>& passes) {
+  const double clear =
+      experiment.block.size.x() / 2 + std::hypot(bur.head_length(), bur.max_radius());
+  if (passes.empty()) throw Error(experiment.name + ": its path never leads along x");
+  for (const Pass& pass : passes)
+    for (const std::size_t end : {pass.first, pass.last})
+      if (std::abs(path[end].pose.position.x()) < clear)
+        throw Error(experiment.name + ": a pass must start and end at least " +
+                    std::to_string(clear) + " mm from the block's middle, clear of it");
+  for (const HandleSample& s : path)
+    if (!s.pose.orientation.isApprox(path.front().pose.orientation, 1e-9))
+      throw Error(experiment.name + ": its path must not turn the bur");
+}
+
+void claim_passes(FigureReport& figure, const Experiment& experiment, const Run& run,
+                  const Outcome& outcome, double voxel, int fineness, const std::string& library) {
+  const Parameters& p = outcome.parameters;
+  const Bur bur = make_bur(run.bur, library);
+  const std::vector<HandleSample> path = path_of(run, p);
+  const std::vector<Pass> passes = passes_of(path);
+  check(experiment, bur, path, passes);
+  const Quat orientation = path.front().pose.orientation;
+  const reference::Block block{experiment.block.size, experiment.block.enamel};
+  const reference::Scene scene = reference::make_scene(bur, block, p);
+  std::vector<Vec3> tips;
+  for (const Pass& pass : passes) tips.push_back(path[pass.first].pose.position);
+  const auto sections = reference::newly_swept_sections(bur, orientation, tips, block);
+  const std::vector<StepRecord>& rows = outcome.replay.rows;
+  const auto energy_of = [&](std::size_t k) {
+    return block.size.x() * (p.tissue[0].specific_energy * sections[k][0] +
+                             p.tissue[1].specific_energy * sections[k][1]);
+  };
+  double first_force = 0;
+  for (std::size_t k = 0; k < passes.size(); ++k) {
+    const std::string what = run.title + ", pass " + std::to_string(k + 1) + ", voxels of " +
+                             std::to_string(voxel).substr(0, 5) + " mm";
+    double work = 0, square = 0;
+    std::size_t level = 0;
+    const std::size_t middle = (passes[k].first + passes[k].last) / 2;
+    const double speed =
+        (path[middle].pose.position.x() - path[middle - 1].pose.position.x()) / p.time_step;
+    const Vec3 exact = reference::load_in_swept(
+                           scene, bur, orientation,
+                           {tips.begin(), tips.begin() + static_cast<std::ptrdiff_t>(k) + 1}, speed)
+                           .force;
+    for (std::size_t i = passes[k].first + 1; i <= passes[k].last; ++i) {
+      work += rows[i].power * p.time_step;
+      if (std::abs(path[i].pose.position.x()) > block.size.x() / 8) continue;
+      square += (rows[i].grinding_force - exact).squaredNorm();
+      ++level;
+    }
+    const double energy = energy_of(k);
+    first_force = std::max(first_force, exact.norm());
+    figure.claims.push_back(near(
+        what, name_of(p.engine), "work of the torque", "mJ", "exact: u times what it newly sweeps",
+        energy, work, std::max(kOfPass[fineness], kOfFirst[fineness] * energy_of(0) / energy)));
+    const double rms = std::sqrt(square / static_cast<double>(std::max<std::size_t>(level, 1)));
+    figure.claims.push_back(
+        bound(what, name_of(p.engine), "RMS error of the force in the middle", "%",
+              "exact integral over the engaged surface",
+              std::max(kForceOfPass, kForceOfFirst * first_force / exact.norm()),
+              100 * rms / exact.norm()));
+  }
+}
+
+}  // namespace
+
+FigureReport passes_figure(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& o = context.options();
+  FigureReport figure;
+  std::vector<Outcome> outcomes(2 * experiment.runs.size());
+  std::vector<FigureContext::Job> jobs;
+  for (std::size_t i = 0; i < outcomes.size(); ++i)
+    jobs.push_back({experiment.name, [&, i] {
+                      const Run& run = experiment.runs[i / 2];
+                      Parameters p = parameters_of(run, o.base);
+                      p.engine = EngineKind::kLevelset;
+                      outcomes[i] =
+                          run_on(run, p, make_specimen(experiment, i % 2 ? o.voxel / 2 : o.voxel),
+                                 o.bur_library);
+                    }});
+  context.run(jobs);
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    const Run& run = experiment.runs[i / 2];
+    const double voxel = i % 2 ? o.voxel / 2 : o.voxel;
+    RunReport report = report_of(run, outcomes[i], voxel, nullptr);
+    report.run = run.name + (i % 2 ? "-fine" : "");
+    report.trace = context.write_trace(experiment, report.run, run, outcomes[i]);
+    claim_passes(figure, experiment, run, outcomes[i], voxel, static_cast<int>(i % 2),
+                 o.bur_library);
+    if (i % 2 == 0) {
+      Plot plot;
+      plot.file = experiment.name + "/" + run.name;
+      plot.title = run.title;
+      plot.panels = force_panels({{"", report.trace, "", "run"}}, "");
+      figure.plots.push_back(plot);
+    }
+    figure.runs.push_back(report);
+  }
+  return figure;
+}
+
+}  // namespace toothprep::figures
