@@ -128,5 +128,41 @@ TEST(Figures, ADroopingHandpieceIsRefusedWhereTheExactAnswerKnowsNone) {
   }
 }
 
+// Two passes of a ball side by side, right through the block.
+void write_passes(const ScratchFolder& folder, double start) {
+  const std::string x = std::to_string(start);
+  folder.write("in/small/experiment.toml",
+               "kind = 'passes'\ndrive = 'direct'\nbur = 'ball:D1.2'\ntrajectory = 'path.toml'\n"
+               "params = 'params.toml'\n[block]\nsize_mm = [2.0, 2.0, 3.0]\nenamel_mm = 2.0\n");
+  folder.write("in/small/params.toml", "[handpiece]\nstall_torque_mnm = inf\n");
+  const auto line = [](const std::string& to) {
+    return "[[segment]]\nkind = 'line'\nto_mm = [" + to + "]\nspeed_mm_s = 8.0\n";
+  };
+  folder.write("in/small/path.toml", "axis = [0.0, 1.0, 0.0]\nstart_mm = [-" + x +
+                                         ", -0.3, 0.0]\n" + line(x + ", -0.3, 0.0") +
+                                         line(x + ", -0.3, 0.3") + line("-" + x + ", -0.3, 0.3"));
+}
+
+TEST(Figures, OverlappingPassesHoldAgainstWhatTheyNewlySweep) {
+  const ScratchFolder folder("passes");
+  write_passes(folder, 2.5);
+  const FigureReport report = run_figures(options_of(folder, "out")).at(0);
+  ASSERT_EQ(report.claims.size(), 8u);  // work and force of two passes at two voxel sizes
+  for (const Claim& c : report.claims)
+    EXPECT_TRUE(c.holds) << c.claim << ": " << c.quantity << ": " << c.expected << " "
+                         << c.measured;
+}
+
+TEST(Figures, APassThatEndsInTheBlockIsRefused) {
+  const ScratchFolder folder("passes-inside");
+  write_passes(folder, 1.5);
+  try {
+    run_figures(options_of(folder, "out"));
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_THAT(e.what(), ::testing::HasSubstr("a pass must start and end at least"));
+  }
+}
+
 }  // namespace
 }  // namespace toothprep::figures

@@ -7,11 +7,13 @@
 #include "toothprep/proof/reference/swept_passes.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/engine.h"
 
 namespace toothprep::figures {
 namespace {
 
-// What is allowed of a pass at the voxel size of the run, and at half of it, percent: of its own
+// What is allowed of a pass at the voxel size of the run, and at half of it with elements of half the
+// size, percent: of its own
 // energy or of the first pass's, whichever is more. A chip can be as thin as a voxel's wall error.
 constexpr double kOfPass[2] = {1, 0.3}, kOfFirst[2] = {0.2, 0.05};
 constexpr double kForceOfPass = 1, kForceOfFirst = 0.2;
@@ -115,6 +117,8 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
                       const Run& run = experiment.runs[i / 2];
                       Parameters p = parameters_of(run, o.base);
                       p.engine = EngineKind::kLevelset;
+                      if (i % 2)  // voxels and elements together
+                        p.element_size = element_size(make_bur(run.bur, o.bur_library), p) / 2;
                       outcomes[i] =
                           run_on(run, p, make_specimen(experiment, i % 2 ? o.voxel / 2 : o.voxel),
                                  o.bur_library);
