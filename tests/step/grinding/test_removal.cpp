@@ -98,6 +98,15 @@ TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStaysThoughMoreWasLeftToCut) {
   EXPECT_NEAR(total_of(removal.removed()), exact, 0.01 * exact);
 }
 
+TEST_F(RemovalOfACylinder, ABurThatOnlyStartsAgainCutsNothing) {
+  Removal removal(bur_, workpiece_, at(0, -2, -1.5));
+  removal.clear(at(0, -2, -1.5));
+  removal.pause(at(0, -2, -1.5));
+  for (int i = 0; i < 3; ++i) step(removal, at(0.5, -2, -1.5));
+  removal.finish(at(0.5, -2, -1.5));
+  EXPECT_EQ(total_of(removal.removed()), 0);
+}
+
 TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
   Removal removal(bur_, workpiece_, at(0, -2, -1.5));
   removal.clear(at(0, -2, -1.5));

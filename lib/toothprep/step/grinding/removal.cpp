@@ -111,6 +111,7 @@ double Removal::displacement(const Pose& from, const Pose& to) const noexcept {
 
 void Removal::add_waypoint(const Pose& pose) noexcept {
   const bool jump = std::exchange(resumes_, false);
+  if (!jump && displacement(way_.empty() ? last_ : way_.back().pose, pose) == 0) return;
   // The latest is moved on as long as it is near to the one before, or there is no place for more.
   const auto moves_on = [&] {
     if (jump || way_.empty() || way_.back().jump) return false;
@@ -464,8 +465,7 @@ void Removal::advance(const Pose& pose) noexcept {
 }
 
 void Removal::pause(const Pose& pose) noexcept {
-  if (!paused_ && displacement(way_.empty() ? last_ : way_.back().pose, pose) > 0)
-    add_waypoint(pose);
+  if (!paused_) add_waypoint(pose);
   paused_ = true;
 }
 
