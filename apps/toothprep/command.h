@@ -31,6 +31,7 @@ void add_calibrate(CLI::App& app, const Common& common);
 void add_batch(CLI::App& app, const Common& common);
 void add_render(CLI::App& app, const Common& common);
 void add_score(CLI::App& app, const Common& common);
+void add_view(CLI::App& app, const Common& common);
 void add_help(CLI::App& app, const Common& common);
 void add_completion(CLI::App& app, const Common& common);
 // Under `specimen`.

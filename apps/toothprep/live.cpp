@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <functional>
 #include <iostream>
 #include <limits>
@@ -17,6 +18,7 @@
 
 #include "command.h"
 #include "numeric_options.h"
+#include "opened_page.h"
 #include "session_options.h"
 #include "strictness.h"
 #include "talk.h"
@@ -35,6 +37,7 @@
 #include "toothprep/tools/live_session/active_check.h"
 #include "toothprep/tools/live_session/live_session.h"
 #include "toothprep/tools/live_session/simulated_hand.h"
+#include "toothprep/tools/view/live_scene.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -57,7 +60,9 @@ struct Options {
   double driver_wait = OpenHapticsSettings().open_wait;
   bool ignore_safety_switch = false;
   std::optional<long> rate;
-  bool force = false, json = false, no_real_time = false, strict = false;
+  bool force = false, json = false, no_real_time = false, strict = false, view = false,
+       no_open = false;
+  int port = 0;
 };
 
 // ---- Signals: held back everywhere, looked at by the main thread.
@@ -173,6 +178,7 @@ void check_options(const Options& o) {
     throw Error("--mirror-hand moves the simulated device's mirror only; give --mirror");
   if (simulated && !o.mirror_name.empty())
     throw Error("--mirror names a second real device; the simulated one's moves by --mirror-hand");
+  if (o.view && !o.protocol.empty()) throw Error("--view shows a session, and --protocol is none");
 }
 
 // Elements so small that a step may not be done when the next is due.
@@ -330,6 +336,34 @@ void report_session(const Common& common, const LiveOutcome& outcome) {
   }
 }
 
+// The page of a running session.
+class PageOfSession final : public Onlooker {
+ public:
+  PageOfSession(const Options& o, const Bur& bur, const LayeredTooth& tooth,
+                const Parameters& parameters)
+      : scene_(bur, tooth, parameters, std::filesystem::path(o.session.tooth).filename().string(),
+               kVersion),
+        server_(settings_of(o), scene_) {
+    std::cerr << "view: " << server_.address() << '\n';
+    server_.start();
+    if (!o.no_open) opened_.emplace(server_.address());
+  }
+  void begin(const DisplaySurface& display) override { scene_.begin(display); }
+  void take(const LiveTick& tick) noexcept override { scene_.take(tick); }
+  void end() noexcept override { scene_.end(); }
+
+ private:
+  static PageServerSettings settings_of(const Options& o) {
+    PageServerSettings settings;
+    settings.port = static_cast<unsigned short>(o.port);
+    return settings;
+  }
+
+  LiveScene scene_;
+  PageServer server_;
+  std::optional<OpenedPage> opened_;
+};
+
 Vec3 start_of(const Options& o, const LayeredTooth& tooth, const Registration& registration) {
   if (!o.start.empty()) return {o.start[0], o.start[1], o.start[2]};
   if (!o.hand.empty()) return read_trajectory(o.hand).samples.front().pose.position;
@@ -372,6 +406,11 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   settings.readings = readings_of(o, limits);
   settings.display_hz = o.display_hz;
   Workpiece workpiece(tooth);
+  std::optional<PageOfSession> page;
+  if (o.view) {
+    if (o.display_hz == 0) settings.display_hz = DisplayOptions().rate;
+    settings.onlooker = &page.emplace(o, bur, tooth, settings.parameters);
+  }
   const LiveOutcome outcome = [&] {
     Talk talk;
     settings.watch = watch_for(o, common, signals, talk);
@@ -528,6 +567,11 @@ void add_live(CLI::App& app, const Common& common) {
   sub->add_option("--display-hz", o->display_hz,
                   "Keep the surface for a display up to date at this rate (0: not)")
       ->check(CLI::Range(0.0, 1000.0));
+  sub->add_flag("--view", o->view, "Show tooth, bur and force in the browser while it runs");
+  sub->add_option("--port", o->port, "Of the page's address with --view; 0: any that is free")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  sub->add_flag("--no-open", o->no_open, "With --view: only print the address");
   sub->add_option(
       "--protocol", o->protocol,
       "An active check of the device instead of a session: rest, step, stiffness-sweep, "

@@ -115,7 +115,7 @@ int run(int argc, char** argv) {
   for (const AddCommand add :
        {add_specimen, add_voxelize, add_info, add_import, add_replay, add_export, add_mesh,
         add_figures, add_live, add_recover, add_rig_check, add_calibrate, add_batch, add_render,
-        add_score, add_help, add_completion})
+        add_score, add_view, add_help, add_completion})
     add(app, common);
   check_numbers(app);
   std::optional<tbb::global_control> limit;

@@ -71,7 +71,7 @@ class Dependencies(unittest.TestCase):
                 version = subprocess.run(["dpkg-query", "-W", "-f=${Version}", package],
                                          capture_output=True, text=True, check=False).stdout
                 copyright_ = Path("/usr/share/doc", package, "copyright")
-                if version:
+                if version and row[1] != "current":  # one that a release keeps up to date
                     checked += 1
                     self.assertRegex(version, r"(^|:|really)" + re.escape(row[1]) + r"(?!\d)", package)
                 main = copyright_.is_file() and re.search(r"^Files: \*\n(?:.+\n)*?License: *(\S.*)$",

@@ -27,6 +27,8 @@ HEAVY = {
     "CGAL": ["lib/toothprep/tools/shells", "tests"],
     "ceres": ["lib/toothprep/tools/calibrate"],
     "embree": ["lib/toothprep/tools/mesh"],
+    "boost/asio": ["lib/toothprep/tools/view"],
+    "boost/beast": ["lib/toothprep/tools/view"],
     "OpenEXR": ["lib/toothprep/tools/render"],
     "Imf": ["lib/toothprep/tools/render"],
     "png": ["lib/toothprep/tools/render"],

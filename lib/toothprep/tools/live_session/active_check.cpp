@@ -26,7 +26,7 @@ RecordedRun run_active_check(HapticDevice& device, const Protocol& protocol,
   RecorderOptions recording;
   recording.replace = target.replace;
   SessionRecorder recorder(target.path, header, recording);
-  TickSinks sinks(recorder, nullptr);
+  TickSinks sinks(recorder, nullptr, nullptr);
   // At rest nobody holds the stylus.
   const bool heeds_switch = safety_switch && protocol.kind != ProtocolKind::kRest;
   ProbeLoop loop(limits, protocol_force(protocol, limits.period), &sinks, readings, heeds_switch);

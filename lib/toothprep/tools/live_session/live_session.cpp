@@ -74,6 +74,22 @@ LiveWatch with_nearness_watched(LiveWatch watch, const Box& tooth) {
   return watch;
 }
 
+// An onlooker's session, however it ends.
+class Looking {
+ public:
+  Looking(Onlooker* onlooker, const DisplaySurface* display) : onlooker_(onlooker) {
+    if (onlooker_) onlooker_->begin(*display);
+  }
+  ~Looking() {
+    if (onlooker_) onlooker_->end();
+  }
+  Looking(const Looking&) = delete;
+  Looking& operator=(const Looking&) = delete;
+
+ private:
+  Onlooker* onlooker_;
+};
+
 EnergyAudit audit_of(const SessionTotals& t, const Parameters& parameters) {
   EnergyAudit audit{t.torque_work, 0, std::numeric_limits<double>::quiet_NaN()};
   for (int k = 0; k < kTissueCount; ++k)
@@ -123,13 +139,15 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
   RecorderOptions recording;
   recording.replace = target.replace;
   SessionRecorder recorder(target.path, header, recording);
-  TickSinks sinks(recorder, display.get());
+  Onlooker* const onlooker = display ? settings.onlooker : nullptr;
+  TickSinks sinks(recorder, display.get(), onlooker);
   LiveLoop loop(settings.limits, settings.buttons, &sinks, settings.readings);
   std::unique_ptr<Session> session;
   std::optional<Vec3> laid;
   if (!settings.registration.translation) laid = settings.start;
   StartRule starts(bur, workpiece, laid.has_value(), settings.watch.note);
   if (display) display->start();
+  const Looking looking(onlooker, display.get());
   LiveEnd end = run_live(
       device, loop, settings.registration, laid, settings.parameters.time_step,
       [&](const Pose& pose) -> Session* {

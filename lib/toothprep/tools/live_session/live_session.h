@@ -19,6 +19,17 @@
 
 namespace toothprep {
 
+class DisplaySurface;
+
+// Looks on while a session runs: a viewer.
+class Onlooker {
+ public:
+  virtual ~Onlooker() = default;
+  virtual void begin(const DisplaySurface& display) = 0;  // before the servo runs
+  virtual void take(const LiveTick& tick) noexcept = 0;   // every tick, on the servo's thread
+  virtual void end() noexcept = 0;                        // after which the display is gone
+};
+
 struct LiveSettings {             // what the options of `toothprep live` say
   Parameters parameters;          // of the model; time step: the device's period
   Drive drive = Drive::kCoupled;  // kDirect renders the grinding force itself
@@ -28,6 +39,7 @@ struct LiveSettings {             // what the options of `toothprep live` say
   LiveButtons buttons;            // pedal and clutch
   ReadingLimits readings;         // what a true reading of the hand can be
   double display_hz = 0;          // of a surface for a display; 0: none
+  Onlooker* onlooker = nullptr;   // with a display; must outlive the session
   LiveWatch watch;                // ends the session
   std::function<void(const std::string&)> warn;  // of a recording that stops early; may be empty
 };

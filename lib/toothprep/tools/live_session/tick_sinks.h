@@ -6,25 +6,28 @@
 
 #include "toothprep/tools/display/display_surface.h"
 #include "toothprep/tools/files/session_recorder.h"
+#include "toothprep/tools/live_session/live_session.h"
 #include "toothprep/tools/live_session/recorded_run.h"
 
 namespace toothprep {
 
 class TickSinks final : public TickSink {
  public:
-  // `display` may be nullptr.
-  TickSinks(SessionRecorder& recorder, DisplaySurface* display)
-      : recorder_(recorder), display_(display) {}
+  // `display` and `onlooker` may be nullptr.
+  TickSinks(SessionRecorder& recorder, DisplaySurface* display, Onlooker* onlooker)
+      : recorder_(recorder), display_(display), onlooker_(onlooker) {}
   void take(const LiveTick& tick) noexcept override {
     statistics.add(tick);
     recorder_.push(tick);
     if (display_) display_->tick();
+    if (onlooker_) onlooker_->take(tick);
   }
   TickStatistics statistics;
 
  private:
   SessionRecorder& recorder_;
   DisplaySurface* display_;
+  Onlooker* onlooker_;
 };
 
 // The watch, with a line to `warn` when the recording stops while the session goes on.

@@ -1,0 +1,28 @@
+// What files hold, for the page: teeth and meshes, the tooth of a recording at every moment.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/tooth/layered_tooth.h"
+#include "toothprep/tools/mesh/surface.h"
+#include "toothprep/tools/view/page_server.h"
+#include "toothprep/tools/view/rerun.h"
+
+namespace toothprep {
+
+struct ViewLayer {  // a surface: of a tooth, or as it is
+  std::string name;
+  std::unique_ptr<LayeredTooth> tooth;  // or null
+  TriangleMesh mesh;                    // without a tooth
+};
+
+// Layers are shown one at a time, the last one first. With a recording the last one is the tooth on
+// which it was made. `version` is the program's. Throws Error if there is nothing to be seen.
+[[nodiscard]] std::unique_ptr<PageSource> file_scene(std::vector<ViewLayer> layers,
+                                                     std::unique_ptr<Recording> recording,
+                                                     const std::string& version);
+
+}  // namespace toothprep

@@ -1,0 +1,33 @@
+// What the page is told once: what there is to be seen, as JSON.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toothprep/step/bur/bur.h"
+#include "toothprep/step/core/parameters.h"
+#include "toothprep/step/tooth/layered_tooth.h"
+#include "toothprep/tools/view/tissue_volume.h"
+
+namespace toothprep {
+
+enum class SceneKind { kSurfaces, kReplay, kLive };
+
+struct SceneFacts {
+  SceneKind kind = SceneKind::kSurfaces;
+  std::string version;              // of the program
+  std::vector<std::string> layers;  // names; the last one is seen, the one before it is "before"
+  Box bounds;                       // of all layers
+  std::map<std::string, std::string> provenance;  // of the tooth, for its axes
+  const Bur* bur = nullptr;                       // with a session
+  const Parameters* parameters = nullptr;
+  std::size_t rows = 0;                  // of the recording as the page gets it
+  std::size_t stride = 1;                // steps from one of them to the next
+  bool session = false;                  // flags and faults of a device are known
+  const TissueVolume* volume = nullptr;  // for sections
+};
+
+[[nodiscard]] std::string scene_json(const SceneFacts& facts);
+
+}  // namespace toothprep
