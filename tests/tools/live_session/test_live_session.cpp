@@ -8,6 +8,7 @@
 #include "../device/rig.h"
 #include "../live/live_experiment.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/display/display_surface.h"
 #include "toothprep/tools/files/session_file.h"
 #include "toothprep/tools/live_session/live_session.h"
 
@@ -116,6 +117,31 @@ TEST(LiveSession, CutsAndShowsAndRecordsOnSixThreads) {
   EXPECT_GT(outcome.totals->removed[0], 0);
   EXPECT_GT(outcome.display->blocks, 0);
   EXPECT_EQ(static_cast<std::int64_t>(run.recording().servo_time.size()), outcome.run.ticks.ticks);
+}
+
+TEST(LiveSession, AnOnlookerGetsEveryTickBetweenItsBeginningAndItsEnd) {
+  struct Counter final : Onlooker {
+    void begin(const DisplaySurface& display) override {
+      EXPECT_EQ(takes, 0);
+      triangles = display.mesh().triangles.size();
+    }
+    void take(const LiveTick& tick) noexcept override {
+      ++takes;
+      last_time = tick.row.handle.time;
+    }
+    void end() noexcept override { takes_at_end = takes; }
+    std::int64_t takes = 0, takes_at_end = -1;
+    double last_time = 0;
+    std::size_t triangles = 0;
+  } onlooker;
+  Experiment run(300);
+  run.settings.onlooker = &onlooker;
+  SimulatedDevice device(hand_into_the_block());
+  const LiveOutcome outcome = run.on(device);
+  EXPECT_EQ(onlooker.takes, outcome.run.ticks.ticks);
+  EXPECT_EQ(onlooker.takes_at_end, onlooker.takes);
+  EXPECT_EQ(onlooker.last_time, run.recording().header.trace.rows.back().handle.time);
+  EXPECT_GT(onlooker.triangles, 0);
 }
 
 TEST(LiveSession, OnTheVendorsInterfaceGoesThroughFaultsOfEveryKind) {

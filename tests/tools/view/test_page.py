@@ -216,6 +216,78 @@ class Surfaces(PageTest):
         self.picture("two-surfaces")
 
 
+class Live(PageTest):
+    """A session with a simulated hand on the same path, and strangers at its port."""
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.run_ok("specimen", "block", "-o", "block.vdb", "--voxel-mm", "0.2")
+        # The bur starts when it was clear of the tooth for half a second.
+        cls.write("path.toml", PATH.replace("speed_mm_s = 8.0", "speed_mm_s = 1.0", 1).replace("speed_mm_s = 2.5", "speed_mm_s = 0.4"))
+
+    def begin(self, name):
+        viewer = Viewer("--tooth", "block.vdb", "--bur", "cylinder:D1.2xL3.0", "--hand", "path.toml", "--no-real-time",
+                        "--duration-s", "250", "--view", "--no-open", "-o", name, cwd=self.folder, command="live")
+        self.addCleanup(viewer.end)
+        self.addCleanup(self.browser.open, "about:blank")
+        self.browser.complaints.clear()
+        self.browser.open(viewer.address)
+        self.browser.wait_for("window.toothprep && window.toothprep.state().ready")
+        return viewer
+
+    def finish(self, viewer, name):
+        """The rows of the recording, after Ctrl-C."""
+        stderr, status = viewer.end()
+        self.assertEqual(status, 0, stderr)
+        self.browser.run("0")  # what it has said until now
+        self.browser.complaints[:] = [c for c in self.browser.complaints if "WebSocket" not in c]  # that it is over
+        with h5py.File(self.path(name)) as file:
+            return {name: file[name][()] for name in ("time", "bur/position", "handle/position", "force/device")}
+
+    def test_shows_the_rows_of_the_recording_and_the_tooth_as_it_is_cut(self):
+        viewer = self.begin("session.h5")
+        self.browser.wait_for("window.toothprep.state().time > 1")
+        early = self.browser.state()
+        self.browser.wait_for("window.toothprep.state().removed_mm3 > 0.2")
+        late = self.browser.state()
+        self.picture("live")
+        self.assertEqual(early["kind"], "live")
+        self.assertGreater(late["time"], early["time"])
+        self.browser.wait_for(f"window.toothprep.state().generation > {early['generation']}")
+        self.assertEqual(late["lamps"]["fault"], False)  # a device has them
+        rows = self.finish(viewer, "session.h5")
+        for state in (early, late):
+            row = int(np.argmin(np.abs(rows["time"] - state["time"])))
+            self.assertEqual(rows["time"][row], state["time"])
+            for key, name in (("bur", "bur/position"), ("handle", "handle/position"), ("force", "force/device")):
+                np.testing.assert_allclose(state[key], rows[name][row], rtol=1e-6, atol=1e-6)
+
+    def test_strangers_and_bad_pages_do_the_session_no_harm(self):
+        viewer = self.begin("attacked.h5")
+        feed = viewer.address.replace("http", "ws") + "feed"
+        for address, origin in ((feed, "http://evil.example"), (feed, None), (feed.replace(viewer.token, 32 * "0"), "own"),
+                                (feed + "2", "own")):
+            with self.assertRaises((browser.websocket.WebSocketException, OSError)):
+                self.connect(address, f"http://127.0.0.1:{viewer.port}" if origin == "own" else origin)
+        own = f"http://127.0.0.1:{viewer.port}"
+        silent = [self.connect(feed, own) for _ in range(5)]  # they read nothing
+        loud = self.connect(feed, own)
+        with self.assertRaises((browser.websocket.WebSocketException, OSError)):
+            loud.send(100000 * "x")
+            while True:
+                loud.recv()
+        self.browser.wait_for("window.toothprep.state().time > 2")
+        before = self.browser.state()["live"]["messages"]
+        self.browser.wait_for(f"window.toothprep.state().live.messages > {before + 5}")
+        for one in silent:
+            one.shutdown()
+        rows = self.finish(viewer, "attacked.h5")
+        self.assertGreater(len(rows["time"]), 1000)
+
+    def connect(self, address, origin):
+        return browser.websocket.create_connection(address, timeout=20, suppress_origin=origin is None, origin=origin)
+
+
 if __name__ == "__main__":
     if browser.why_not():
         print(f"left out: {browser.why_not()}")

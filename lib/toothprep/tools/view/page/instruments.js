@@ -68,7 +68,7 @@ View.Instruments = class {
     const graph = new Dygraph(box, [[0, 0, quantity.limit || null]], {
       labels: ['time', quantity.name, 'limit'], legend: 'never', interactionModel: {}, drawGrid: true, gridLineColor: '#3c4851',
       axisLineColor: '#3c4851', axisLabelFontSize: 11, colors: ['#7fd0ff', '#ff5a3c'], strokeWidth: 1.3, includeZero: true,
-      highlightCircleSize: 0, axes: {y: {axisLabelWidth: 36}},
+      highlightCircleSize: 0, axes: {y: {axisLabelWidth: 36, pixelsPerLabel: 20}},
     });
     return {quantity, graph};
   }
