@@ -174,8 +174,8 @@ class Replay(PageTest):
                                length(np.subtract(before, after["target"])), places=6)
         turned = self.picture("turned")
         self.assertNotEqual(whole, turned)
-        self.browser.run("window.toothprep.section({kind: 'mesial'})")
-        self.browser.run("window.toothprep.look('mesial')")
+        self.browser.run("window.toothprep.section({kind: 'buccal'})")  # along the slot
+        self.browser.run("window.toothprep.look('buccal')")
         self.browser.run("new Promise((r) => requestAnimationFrame(() => requestAnimationFrame(r)))")
         self.assertNotEqual(self.picture("section"), turned)
         self.browser.run("window.toothprep.section({kind: 'off'})")

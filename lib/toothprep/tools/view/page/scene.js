@@ -5,9 +5,18 @@ const kForceLength = 2.5;   // mm per N, of the arrow
 const kForceLeast = 0.005;  // N
 const kHandpiece = {radius: 4.2, length: 12, grip: 5.5, gripLength: 60};  // mm: an outline, no model
 
+// Whether pictures are made without a graphics processor: then smooth edges cost more than they are worth.
+View.drawsBySoftware = () => {
+  const trial = document.createElement('canvas').getContext('webgl2');
+  const info = trial && trial.getExtension('WEBGL_debug_renderer_info');
+  const name = info ? trial.getParameter(info.UNMASKED_RENDERER_WEBGL) : '';
+  if (trial) trial.getExtension('WEBGL_lose_context').loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
+};
+
 View.Picture = class {
   constructor(canvas, scene) {
-    const context = canvas.getContext('webgl2', {antialias: true, stencil: true});
+    const context = canvas.getContext('webgl2', {antialias: !View.drawsBySoftware(), stencil: true});
     if (!context) throw new Error('this browser shows no 3-D pictures (WebGL 2)');
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({canvas, context});
