@@ -589,6 +589,7 @@ void add_live(CLI::App& app, const Common& common) {
       "-o session.h5\n"
       "  toothprep live --tooth molar.vdb --bur 330 --device openhaptics --pedal 1 --clutch 2 -o "
       "session.h5\n"
+      "  toothprep live --tooth molar.vdb --bur 330 --device openhaptics --pedal 1 --view -o s.h5\n"
       "  toothprep live --device openhaptics --protocol rest -o rest.h5");
   sub->callback([o, &common] {
     if (o->session.bur == "list") return print_bur_library();

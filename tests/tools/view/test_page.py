@@ -63,6 +63,11 @@ class PageTest(CommandTest):
     def picture(self, name):
         return self.browser.picture(PICTURES and os.path.join(PICTURES, name + ".png"))
 
+    def on_screen(self, place):
+        """Pixel of the page at which a place (mm, W) is seen."""
+        x, y = self.browser.run(f"window.toothprep.onScreen({place})")
+        return round(x), round(y)
+
     def tearDown(self):
         self.browser.run("0")  # what it has said until now
         self.assertEqual(self.browser.complaints, [])
@@ -177,7 +182,12 @@ class Replay(PageTest):
         self.browser.run("window.toothprep.section({kind: 'buccal'})")  # along the slot
         self.browser.run("window.toothprep.look('buccal')")
         self.browser.run("new Promise((r) => requestAnimationFrame(() => requestAnimationFrame(r)))")
-        self.assertNotEqual(self.picture("section"), turned)
+        # The face of the section, beside and below the bur: enamel over dentin, and nothing of the far wall's inside.
+        image = 255 * matplotlib.image.imread(io.BytesIO(self.picture("section")))[..., :3]
+        x, y = self.on_screen([0.0, -0.7, 0.0])
+        self.assertGreater(image[y, x].min(), 170)
+        x, y = self.on_screen([0.0, -6.0, 0.0])
+        self.assertGreater(image[y, x, 0], 1.3 * image[y, x, 2])
         self.browser.run("window.toothprep.section({kind: 'off'})")
         self.browser.run("window.toothprep.look('oblique')")
         self.browser.run("window.toothprep.wipe(0.5)")

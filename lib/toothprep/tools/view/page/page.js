@@ -250,6 +250,7 @@
   };
   let ready = false;
   window.toothprep = {state, seek, play: setPlaying, look: (name) => picture.look(name), lookAtBur: () => picture.lookAtBur(),
+    onScreen: (place) => picture.onScreen(new THREE.Vector3(...place)),
     section: setSection, wipe: setWipe};
 
   // ---- Begin

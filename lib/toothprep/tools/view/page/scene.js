@@ -97,7 +97,7 @@ View.Picture = class {
       top = bur.shank_top;
     }
     this.bur.add(View.Picture.handpiece(top));
-    this.lag = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({color: 0xffc857}));
+    this.lag = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({color: 0xffc857, depthTest: false, transparent: true}));
     this.lag.geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(6), 3));
     this.lag.frustumCulled = false;
     const red = new THREE.MeshBasicMaterial({color: 0xff5a3c, depthTest: false, transparent: true});
