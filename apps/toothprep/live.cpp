@@ -74,7 +74,9 @@ class Signals {
     for (const int signal :
          {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGPIPE, SIGTSTP})
       sigaddset(&set_, signal);
-    pthread_sigmask(SIG_BLOCK, &set_, &before_);
+    sigset_t blocked = set_;
+    sigaddset(&blocked, SIGCONT);  // seen by a pause that it overtakes; it works all the same
+    pthread_sigmask(SIG_BLOCK, &blocked, &before_);
   }
   ~Signals() { release(); }
   // Those that came have had their answer. After a moment for what is left to say they end the

@@ -104,6 +104,7 @@ void run(const Options& o, const Common& common) {
   const Parameters parameters = load_parameters(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
   const Trajectory trajectory = read_trajectory(o.trajectory);
+  if (trajectory.unfinished) warn_or_refuse({unfinished_text(o.trajectory)}, o.strict);
   std::vector<Finding> findings = judge_motion(without_rejected(trajectory).samples);
   for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
   if (o.strict) warn_or_refuse(o.trajectory, findings, true);

@@ -151,6 +151,12 @@ class Recordings(CommandTest):
                     self.assertEqual((file.attrs["complete"], file.attrs["recovered"]), (0, 1))
                 self.run_ok("rig-check", name)
 
+    def test_a_replay_says_that_the_session_was_not_closed(self):
+        line = ("replay", "--tooth", "block.vdb", "--bur", BUR, "--trajectory")
+        self.assertNotIn("was not closed", self.run_ok(*line, "whole.h5", "-o", "of-whole.h5").stderr)
+        self.assertIn("killed.h5: was not closed", self.run_ok(*line, "killed.h5", "-o", "of-killed.h5").stderr)
+        self.refused(*line, "killed.h5", "--strict", "-o", "strict.h5", says="killed.h5: was not closed")
+
     def test_recover_in_place_and_elsewhere(self):
         before = self.read("killed.h5")
         report = json.loads(self.run_ok("recover", "killed.h5", "-o", "elsewhere.h5", "--json").stdout)

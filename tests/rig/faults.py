@@ -114,10 +114,10 @@ def killed(random):
     return dataclasses.replace(case, rules=case.rules | {"force_may_stand": True})
 
 
-def stopped(number, words):
+def stopped(number, words, after=(60, 120)):
     def case(random):
         at = tick(random)
-        return Case(words=words, signals=((at, number), (at + random.randint(60, 120), signal.SIGCONT)))
+        return Case(words=words, signals=((at, number), (at + random.randint(*after), signal.SIGCONT)))
     return case
 
 
@@ -135,6 +135,7 @@ ENDINGS = {
     "output-unread": lambda r: Case(output="unread"),
     "STOP-CONT": stopped(signal.SIGSTOP, ("ended by: duration",)),
     "TSTP-CONT": stopped(signal.SIGTSTP, ("paused: no force", "goes on after", "ended by: duration")),
+    "TSTP-CONT-soon": stopped(signal.SIGTSTP, ("ended by: duration",), (0, 30)),
     "ABRT": crash(signal.SIGABRT),
     "SEGV": crash(signal.SIGSEGV),
     "KILL": killed,

@@ -67,6 +67,7 @@ Trajectory parse_trajectory(Reader& in) {
   if (!in.has("/handle/position")) in.refuse("/handle/position", "is missing");
   const std::vector<double> position = in.read(in.open("/handle/position", "mm", 3, true));
   Trajectory trajectory;
+  trajectory.unfinished = in.growing();
   trajectory.samples.resize(time.size());
   for (std::size_t i = 0; i < time.size(); ++i) {
     trajectory.samples[i].time = time[i];

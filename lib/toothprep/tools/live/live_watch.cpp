@@ -78,6 +78,14 @@ std::string locked_memory() {
          "); raise memlock in /etc/security/limits.d";
 }
 
+// Whether the terminal has let the program go on before it stopped: nobody would do so again. The
+// system forgets a SIGCONT when the next SIGTSTP comes, so that none can be an old one; seen only
+// where it is held back (apps/toothprep/live.cpp).
+bool is_continued() {
+  sigset_t pending;
+  return sigpending(&pending) == 0 && sigismember(&pending, SIGCONT) == 1;
+}
+
 // Zero force on every way out.
 struct Stop {
   HapticDevice& device;
@@ -148,10 +156,15 @@ class Watcher {
           "the motor waits for a safe start: release the pedal, or keep the bur clear of the "
           "tooth for half a second");
     locked_ = now.locked;
-    if (now.let_go && !let_go_)
+    if (now.times_let_go != times_let_go_) {  // it may be over already
       note("nobody holds the stylus, by its safety switch: no force, and the bur stands");
-    if (!now.let_go && let_go_) note("the stylus is held again: the force is ramped in");
-    let_go_ = now.let_go;
+      let_go_ = true;
+    }
+    if (!now.let_go && let_go_) {
+      note("the stylus is held again: the force is ramped in");
+      let_go_ = false;
+    }
+    times_let_go_ = now.times_let_go;
   }
 
   // Stops the program as the terminal asks it to, without a force on the hand.
@@ -160,7 +173,7 @@ class Watcher {
     ramp_out(loop);
     note("paused: no force until the program goes on");
     const auto from = Clock::now();
-    raise(SIGSTOP);
+    if (!is_continued()) raise(SIGSTOP);
     char text[80];
     std::snprintf(text, sizeof text, "goes on after %.1f s: the force is ramped in",
                   seconds_since(from));
@@ -211,7 +224,7 @@ class Watcher {
   HapticDevice& device_;
   const LiveWatch& watch_;
   bool rejects_ = false;
-  std::int64_t rejections_ = 0, faults_ = 0;
+  std::int64_t rejections_ = 0, faults_ = 0, times_let_go_ = 0;
   bool locked_ = false, let_go_ = false;
 };
 

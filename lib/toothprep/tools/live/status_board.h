@@ -30,6 +30,7 @@ struct LiveStatus {
   ReadingFault last_fault = ReadingFault::kNone;  // of the last one that was rejected
   std::int64_t rejections = 0;                    // how often it began to be
   bool let_go = false;                            // nobody holds the stylus, by its safety switch
+  std::int64_t times_let_go = 0;                  // how often that began
   bool hand_lost = false;  // readings were rejected for so long that the session has to end
 };
 
@@ -63,6 +64,7 @@ class StatusBoard {  // written by the servo's thread, read by any
     }
     reading_.store(reading, kRelaxed);
     lost_.store(lost, kRelaxed);
+    if (let_go && !let_go_.load(kRelaxed)) times_let_go_.fetch_add(1, kRelaxed);
     let_go_.store(let_go, kRelaxed);
   }
 
@@ -87,6 +89,7 @@ class StatusBoard {  // written by the servo's thread, read by any
     s.rejections = rejections_.load(kRelaxed);
     s.hand_lost = lost_.load(kRelaxed);
     s.let_go = let_go_.load(kRelaxed);
+    s.times_let_go = times_let_go_.load(kRelaxed);
     return s;
   }
 
@@ -97,6 +100,7 @@ class StatusBoard {  // written by the servo's thread, read by any
   std::array<std::atomic<double>, kTissueCount> removed_{};
   std::atomic<bool> stalled_ = false, running_ = false, vibrates_ = false;
   std::atomic<bool> faded_ = false, locked_ = false, lost_ = false, let_go_ = false;
+  std::atomic<std::int64_t> times_let_go_ = 0;
   std::array<std::atomic<double>, 3> handle_{};
   std::atomic<ReadingFault> reading_ = ReadingFault::kNone, last_fault_ = ReadingFault::kNone;
   std::atomic<std::int64_t> rejections_ = 0;

@@ -18,6 +18,7 @@ constexpr std::size_t kMostSamples = 20'000'000;
 struct Trajectory {                   // a commanded motion, at any rate
   std::vector<HandleSample> samples;  // time strictly increasing
   std::vector<Vec3> measured_force;   // N, tooth on bur, W; empty or one per sample
+  bool unfinished = false;            // of a live recording that was not closed: killed, or it runs
 };
 
 // Takes a recorded quaternion as an orientation: false unless its length is 1 to 1e-3. It is
