@@ -68,6 +68,26 @@ TEST(ForceGovernor, RampsInFromTheStartAndAfterAFault) {
   }
 }
 
+TEST(ForceGovernor, TheRampBeginsAfterTheLastTickWithoutAForce) {
+  ForceLimits limits = bare();
+  limits.ramp = 0.1;
+  ForceGovernor governor(limits);
+  std::uint32_t flags = 0;
+  for (int n = 0; n < 50; ++n) EXPECT_EQ(governor.withhold(flags), Vec3(Vec3::Zero()));
+  EXPECT_NEAR(governor.limit(Vec3(1, 0, 0), flags).x(), 0.01, 1e-9);
+}
+
+TEST(ForceGovernor, AForceAboveTheLimitIsRampedInNoFaster) {
+  ForceLimits limits = bare();
+  limits.ramp = 0.1;
+  ForceGovernor governor(limits);
+  for (int n = 1; n <= 100; ++n) {
+    std::uint32_t flags = 0;
+    EXPECT_NEAR(governor.limit(Vec3(3 * limits.max_force, 0, 0), flags).x(),
+                0.01 * n * limits.max_force, 1e-9);
+  }
+}
+
 TEST(ForceGovernor, HeatFollowsTheFirstOrderLawAndBringsTheForceDownToTheContinuousOne) {
   const ForceLimits limits = bare();
   ForceGovernor governor(limits);

@@ -64,13 +64,6 @@ Vec3 ForceGovernor::limit(const Vec3& force, std::uint32_t& flags) noexcept {
     flags |= kForceNotFinite;
     out.setZero();
   }
-  const double change_of_scale = fades_ ? -limits_.period / limits_.fade
-                                        : (limits_.ramp > 0 ? limits_.period / limits_.ramp : 1.0);
-  scale_ = std::clamp(scale_ + change_of_scale, 0.0, 1.0);
-  if (scale_ < 1) {
-    out *= scale_;
-    flags |= kForceRamped;
-  }
   const auto at_most = [&out](double most) {
     const double norm = out.norm();
     if (norm <= most) return false;
@@ -78,6 +71,13 @@ Vec3 ForceGovernor::limit(const Vec3& force, std::uint32_t& flags) noexcept {
     return true;
   };
   if (at_most(limits_.max_force)) flags |= kForceClamped;
+  const double change_of_scale = fades_ ? -limits_.period / limits_.fade
+                                        : (limits_.ramp > 0 ? limits_.period / limits_.ramp : 1.0);
+  scale_ = std::clamp(scale_ + change_of_scale, 0.0, 1.0);
+  if (scale_ < 1) {
+    out *= scale_;
+    flags |= kForceRamped;
+  }
   if (heat() > kWarm) {
     const double cold = std::max(0.0, (1 - heat()) / (1 - kWarm));
     const double most = limits_.continuous_force +
@@ -95,9 +95,21 @@ Vec3 ForceGovernor::limit(const Vec3& force, std::uint32_t& flags) noexcept {
     out.setZero();
     flags |= kForceWithheld;
   }
-  last_ = out;
-  heat_ += (1 - std::exp(-limits_.period / limits_.thermal_time)) * (out.squaredNorm() - heat_);
+  send(out);
   return out;
+}
+
+Vec3 ForceGovernor::withhold(std::uint32_t& flags) noexcept {
+  restart();
+  flags |= kForceWithheld;
+  watch(Vec3::Zero());
+  send(Vec3::Zero());
+  return Vec3::Zero();
+}
+
+void ForceGovernor::send(const Vec3& force) noexcept {
+  last_ = force;
+  heat_ += (1 - std::exp(-limits_.period / limits_.thermal_time)) * (force.squaredNorm() - heat_);
 }
 
 }  // namespace toothprep

@@ -1,12 +1,13 @@
 // What a live session does to a force before the device gets it, tick by tick:
 //
-//   finite?  -> ramp-in -> magnitude limit -> heat limit -> rate limit -> device
+//   finite?  -> magnitude limit -> ramp-in -> heat limit -> rate limit -> device
 //                                                        -> vibration watch
 //
+//   |F| <= F_max                       direction kept; first, so that no force, however large, is
+//                                      ramped in faster than F_max over `ramp`
 //   F' = s F                           s grows from 0 to 1 over `ramp` from the start, and falls
 //                                      to 0 over `fade` where the force is not wanted
 //   |F| <= F_hot                       while the heat is above the continuous limit
-//   |F| <= F_max                       direction kept
 //   |F(n) - F(n-1)| <= R T             along the straight way to the new force
 //
 // Heat is the first-order model of a winding, h' = (|F|² - h)/tau with h in N²: at a constant force
@@ -55,6 +56,9 @@ class ForceGovernor {  // of one device's force
   // One tick. Adds LiveFlag bits to `flags`. Allocates nothing.
   Vec3 limit(const Vec3& force, std::uint32_t& flags) noexcept;
 
+  // A tick without a force, after which it is ramped in anew.
+  Vec3 withhold(std::uint32_t& flags) noexcept;
+
   // Starts the ramp anew, from zero force (after a fault; heat stays).
   void restart() noexcept;
 
@@ -68,6 +72,7 @@ class ForceGovernor {  // of one device's force
 
  private:
   void watch(const Vec3& force) noexcept;
+  void send(const Vec3& force) noexcept;
 
   ForceLimits limits_;
   double high_pass_, window_;  // per tick

@@ -109,13 +109,10 @@ void LiveLoop::step(const DeviceReading& reading, ReadingFault fault, LiveTick& 
 
   Vec3 force = frame_->force_to_device(out.row.device_force);
   if (rejected || check_.resumed()) governor_.restart();
-  if (reading.fault != DeviceFault::kNone || free) {
-    governor_.restart();
-    force.setZero();
-    out.flags |= kForceWithheld;
-  }
+  const bool withheld = reading.fault != DeviceFault::kNone || free;
   governor_.fade_out(held || fade_wanted_.load(std::memory_order_relaxed));
-  out.commanded_force = governor_.limit(force, out.flags);
+  out.commanded_force =
+      withheld ? governor_.withhold(out.flags) : governor_.limit(force, out.flags);
 }
 
 void LiveLoop::hand_on(const LiveTick& tick) noexcept {

@@ -39,13 +39,10 @@ Vec3 ProbeLoop::tick(const DeviceReading& reading) {
   out.row.device_force = force.allFinite() ? force : Vec3(Vec3::Zero());
   if (rejected) out.flags |= kReadingRejected;
   if (rejected || check_.resumed()) governor_.restart();
-  if (rejected || free || reading.fault != DeviceFault::kNone) {
-    governor_.restart();
-    force.setZero();
-    out.flags |= kForceWithheld;
-  }
+  const bool withheld = rejected || free || reading.fault != DeviceFault::kNone;
   governor_.fade_out(fade_wanted_.load(std::memory_order_relaxed));
-  out.commanded_force = governor_.limit(force, out.flags);
+  out.commanded_force =
+      withheld ? governor_.withhold(out.flags) : governor_.limit(force, out.flags);
   out.step_seconds = thread_seconds() - from;
   if (sink_) sink_->take(out);
   status_.write(out, steps_, governor_);
