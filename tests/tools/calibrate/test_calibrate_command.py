@@ -81,6 +81,27 @@ class Calibration(CommandTest):
         u = json.loads(self.file("grams.json").read_text())["tissues"]["enamel"]["u_j_per_mm3"]
         self.assertLess(abs(u / 0.42 - 1), 0.05)
 
+    def test_rounded_positions_are_named_as_the_cause_and_smoothing_cures_them(self):
+        lines = self.file("rig.csv").read_text().splitlines()
+        head = lines[0].split(",")
+        places = [head.index(name) for name in ("x_mm", "y_mm", "z_mm")]
+        rows = [line.split(",") for line in lines[1:]]
+        for row in rows:
+            for k in places:
+                row[k] = f"{float(row[k]):.3f}"
+        self.file("rounded.csv").write_text("\n".join([lines[0], *map(",".join, rows)]) + "\n")
+        common = ("calibrate", "--tooth", "block.vdb", "--measured", "rounded.csv", *BUR, "--estimate", "delay")
+        rough = self.run_ok(*common, "-o", "rough.json").stderr
+        self.assertIn("rounded.csv: positions are rounded to 0.001 mm", rough)
+        self.assertNotIn("sensor frame rotated", rough)
+        window = rough.split("--smooth-motion-ms ")[1].split()[0]
+        smooth = self.run_ok(*common, "--smooth-motion-ms", window, "-o", "smooth.json").stderr
+        self.assertNotIn("rounded", smooth)
+        errors = [abs(json.loads(self.file(n).read_text())["tissues"]["enamel"]["u_j_per_mm3"] / 0.42 - 1)
+                  for n in ("rough.json", "smooth.json")]
+        self.assertLess(errors[1], 0.02)
+        self.assertLess(errors[1], 0.5 * errors[0])
+
     def test_lengths_and_nan_in_a_file(self):
         import h5py
         import shutil

@@ -9,6 +9,7 @@
 #include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/calibrate/spindle.h"
+#include "toothprep/tools/recordings/rounding.h"
 #include "toothprep/tools/trajectory/smoothing.h"
 
 namespace toothprep {
@@ -81,6 +82,26 @@ std::vector<RecordedMotion> motions_of(const std::vector<MeasuredRecording>& rec
                        settings.motion_window > 0 ? 2e3 * settings.motion_window : 30.0));
   }
   return motions;
+}
+
+// What is wrong with motions that are rounded and not smoothed, a sentence each.
+std::vector<std::string> rounded_motions(const std::vector<MeasuredRecording>& recordings,
+                                         const CalibrationSettings& settings) {
+  std::vector<std::string> warnings;
+  if (settings.motion_window > 0) return warnings;
+  for (const MeasuredRecording& r : recordings) {
+    std::vector<double> time;
+    std::vector<Vec3> position;
+    for (const HandleSample& s : r.motion.samples) {
+      time.push_back(s.time);
+      position.push_back(s.pose.position);
+    }
+    const auto rounding = rounding_of(time, position);
+    if (rounding && rounding->matters())
+      warnings.push_back(r.name + ": " + text_of(*rounding) +
+                         "; without it u and alpha are off by more than their uncertainty says");
+  }
+  return warnings;
 }
 
 // The coupling and handpiece that a trace says it was made with, where they aren't the fit's.
@@ -252,8 +273,11 @@ CalibrationResult calibrate(const Bur& bur, const LayeredTooth& tooth,
   c.parameters = settings.parameters;
   const bool speed = settle_rotation_rate(recordings, settings, c.parameters, listener);
   const auto motions = motions_of(recordings, settings, speed, listener);
-  (settings.coupled ? fit_handle : fit_imposed)(bur, tooth, recordings, motions, settings, listener,
-                                                c);
+  const std::vector<std::string> rounded = rounded_motions(recordings, settings);
+  CalibrationSettings own = settings;
+  own.fit.rough_motion = !rounded.empty();
+  (settings.coupled ? fit_handle : fit_imposed)(bur, tooth, recordings, motions, own, listener, c);
+  c.fit.warnings.insert(c.fit.warnings.begin(), rounded.begin(), rounded.end());
   if (settings.fit.estimate_lowpass)
     for (ComparedRecording& r : c.recordings) set_lowpass(r, c.fit.lowpass.value, false);
   return c;

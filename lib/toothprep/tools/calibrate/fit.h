@@ -42,6 +42,9 @@ struct FitOptions {  // what is given and what is estimated
   int folds = 5;                         // over time, for a single recording
   std::uint64_t seed = 1;                // of the bootstrap
   bool diagnose = true;                  // validation, suspicions, adequacy
+  // The motion is known to be rough (rounded positions): residuals are laid to that, not to the
+  // sensor's mounting.
+  bool rough_motion = false;
   // Where the search starts (times 1, 10 and 1/10), and the alpha that stands in where only u/alpha
   // is identifiable.
   PerTissue<GrindingProperties> start = preset_parameters("paper").tissue;

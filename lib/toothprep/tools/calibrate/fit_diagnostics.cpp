@@ -245,7 +245,7 @@ void validate(const Solution& solution, const Asked& asked, const FitOptions& o,
 
 void look_for_causes(const Solution& solution, const Asked& asked, const FitOptions& o,
                      FitResult& result) {
-  if (!asked.rotation) look_for_rotation(solution, asked, o, result);
+  if (!asked.rotation && !o.rough_motion) look_for_rotation(solution, asked, o, result);
   if (!asked.delay) look_for_delay(solution, o, result);
   if (const double scatter = scatter_over_noise(solution, result); scatter > 2)
     result.warnings.push_back(

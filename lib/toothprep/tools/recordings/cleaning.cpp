@@ -6,6 +6,7 @@
 
 #include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/recordings/raw_motion.h"
+#include "toothprep/tools/recordings/rounding.h"
 
 namespace toothprep {
 namespace {
@@ -129,49 +130,11 @@ void clean_spikes(RawMotion& m, const ImportSettings& s, ImportedRecording& repo
     report.warnings.push_back(what + "; --despike interpolates them");
 }
 
-// The step of which all differences are multiples; 0 if there is none.
-double rounding_step(const RawMotion& m) {
-  double step = 0;
-  std::size_t steps = 0;
-  for (int axis = 0; axis < 3; ++axis)
-    for (std::size_t i = 1; i < m.size(); ++i) {
-      const double d = std::abs(m.position[i][axis] - m.position[i - 1][axis]);
-      if (d > 1e-9 && (step == 0 || d < step)) step = d;
-    }
-  if (!(step > 0)) return 0;
-  for (int axis = 0; axis < 3; ++axis)
-    for (std::size_t i = 1; i < m.size(); ++i) {
-      const double multiple = std::abs(m.position[i][axis] - m.position[i - 1][axis]) / step;
-      if (std::abs(multiple - std::round(multiple)) > 0.02 + 1e-6 * multiple) return 0;
-      steps += multiple > 1.5;
-    }
-  return steps > 10 ? step : 0;  // a feed of constant steps is no rounding
-}
-
-// Rounded positions make the velocity jump, and the force goes with it.
 void note_rounding(const RawMotion& m, const ImportSettings& s, ImportedRecording& report) {
-  report.figures.position_step_mm = rounding_step(m);
-  const double step = report.figures.position_step_mm;
-  if (step == 0 || s.smooth_s > 0) return;
-  std::vector<double> speed, dt;
-  const std::size_t apart = std::max<std::size_t>(1, m.size() / 2000);
-  for (std::size_t i = 1; i < m.size(); ++i) dt.push_back(m.time[i] - m.time[i - 1]);
-  const double tick = median(std::move(dt));
-  const auto wide = static_cast<std::size_t>(std::max(1.0, 0.05 / tick));
-  for (std::size_t i = wide; i < m.size(); i += apart) {
-    const double v = (m.position[i] - m.position[i - wide]).norm() / (m.time[i] - m.time[i - wide]);
-    if (v > 0.01) speed.push_back(v);
-  }
-  if (speed.empty()) return;
-  const double feed = median(std::move(speed)), noise = step / std::sqrt(6.0) / tick;
-  if (noise < 0.03 * feed) return;
-  // A local quadratic over n samples leaves sqrt(12 / n^3) of the noise of a position in a velocity.
-  const double n = std::cbrt(12 * std::pow(step / std::sqrt(12.0) / tick / (0.03 * feed), 2));
-  report.warnings.push_back(
-      fmt::format("positions are rounded to {:.4g} mm, which makes the velocity jump by {:.2g} "
-                  "mm/s at a feed of "
-                  "{:.2g} mm/s; --smooth-motion-ms {:.0f} takes that away",
-                  step, noise, feed, std::ceil(std::max(5.0, n) * tick * 1000)));
+  const std::optional<MotionRounding> rounding = rounding_of(m.time, m.position);
+  if (!rounding) return;
+  report.figures.position_step_mm = rounding->step;
+  if (rounding->matters() && s.smooth_s == 0) report.warnings.push_back(text_of(*rounding));
 }
 
 }  // namespace
