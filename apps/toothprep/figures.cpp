@@ -128,8 +128,8 @@ void run(const Options& o, const Common& common) {
       if (c.holds) continue;
       ++failing;
       warn(f.name + (c.engine.empty() ? "" : " (" + c.engine + ")") + ": " + c.claim + ": " +
-           fmt::format("{}: expected {:.4g}, measured {:.4g} {}", c.quantity, c.expected,
-                       c.measured, c.unit));
+           fmt::format("{}: expected {:.4g}, measured {:.4g}{}", c.quantity, c.expected, c.measured,
+                       c.unit == "1" ? std::string() : " " + c.unit));
     }
   }
   say(common, std::to_string(claims - failing) + " of " + std::to_string(claims) +

@@ -4,6 +4,7 @@
 #include <tbb/global_control.h>
 
 #include <filesystem>
+#include <sstream>
 
 #include "scratch_folder.h"
 #include "toothprep/proof/figures/experiment.h"
@@ -54,6 +55,29 @@ TEST(Figures, ASmallExperimentHoldsAndLeavesItsFiles) {
   for (const char* file : {"figures.json", "figures.md", "small/levelset.h5", "small/voxel.h5",
                            "small/exact.csv", "small/levelset.ply", "small/voxel.ply"})
     EXPECT_TRUE(std::filesystem::exists(folder / ("out/" + std::string(file)))) << file;
+}
+
+TEST(Figures, EveryRowOfTheTablesHasAsManyCellsAsItsHead) {
+  const ScratchFolder folder("table");
+  write_small(folder);
+  run_figures(options_of(folder, "out"));
+  std::istringstream lines(text_of(folder / "out/figures.md"));
+  std::ptrdiff_t wanted = 0;
+  int rows = 0;
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_EQ(line.find(" 1 1 |"), std::string::npos) << "a pure number has no unit: " << line;
+    std::ptrdiff_t cells = 0;
+    for (std::size_t i = 0; i < line.size(); ++i)
+      cells += line[i] == '|' && (i == 0 || line[i - 1] != '\\');
+    if (line.starts_with("|")) {
+      if (wanted == 0) wanted = cells;
+      EXPECT_EQ(cells, wanted) << line;
+      ++rows;
+    } else {
+      wanted = 0;
+    }
+  }
+  EXPECT_GT(rows, 10);
 }
 
 TEST(Figures, ResultsDoNotDependOnTheNumberOfThreads) {

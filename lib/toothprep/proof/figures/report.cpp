@@ -107,6 +107,16 @@ Json json_of(const MapPlot& m) {
   return j;
 }
 
+// Text in a cell of a table.
+std::string cell(const std::string& words) {
+  std::string safe;
+  for (const char c : words) safe += c == '|' ? "\\|" : std::string(1, c);
+  return safe;
+}
+
+// " N"; nothing for a pure number.
+std::string unit_text(const std::string& unit) { return unit == "1" ? "" : " " + unit; }
+
 std::string markdown(const ReportHeader& header, const std::vector<FigureReport>& figures) {
   std::size_t claims = 0, holding = 0;
   for (const FigureReport& f : figures)
@@ -127,10 +137,11 @@ std::string markdown(const ReportHeader& header, const std::vector<FigureReport>
         "\n| claim | engine | quantity | expected | from | measured | error | allowed | |\n"
         "|---|---|---|---|---|---|---|---|---|\n";
     for (const Claim& c : f.claims)
-      md += "| " + c.claim + " | " + c.engine + " | " + c.quantity + " | " + text(c.expected) +
-            " " + c.unit + " | " + c.from + " | " + text(c.measured) + " " + c.unit + " | " +
-            text(c.error, "{:.3g}") + " " + c.error_unit + " | " + text(c.tolerance, "{:.3g}") +
-            " " + c.error_unit + " | " + (c.holds ? "holds" : "**does not hold**") + " |\n";
+      md += "| " + cell(c.claim) + " | " + c.engine + " | " + cell(c.quantity) + " | " +
+            text(c.expected) + unit_text(c.unit) + " | " + cell(c.from) + " | " + text(c.measured) +
+            unit_text(c.unit) + " | " + text(c.error, "{:.3g}") + unit_text(c.error_unit) + " | " +
+            text(c.tolerance, "{:.3g}") + unit_text(c.error_unit) + " | " +
+            (c.holds ? "holds" : "**does not hold**") + " |\n";
     if (f.runs.empty()) continue;
     md +=
         "\n| run | engine | drive | voxel mm | force RMS % | force max % | torque RMS % | torque "
@@ -140,8 +151,8 @@ std::string markdown(const ReportHeader& header, const std::vector<FigureReport>
       const double none = std::nan("");
       const auto compared = [&](double x) { return text(r.compared ? x : none, "{:.3f}"); };
       const auto plateau = [&](double x) { return text(r.has_plateau ? x : none, "{:.3f}"); };
-      md += "| " + r.run + " | " + r.engine + " | " + r.drive + " | " + text(r.voxel_mm) + " | " +
-            compared(r.force_rms_percent) + " | " + compared(r.force_max_percent) + " | " +
+      md += "| " + cell(r.run) + " | " + r.engine + " | " + r.drive + " | " + text(r.voxel_mm) +
+            " | " + compared(r.force_rms_percent) + " | " + compared(r.force_max_percent) + " | " +
             compared(r.torque_rms_percent) + " | " + compared(r.torque_max_percent) + " | " +
             plateau(r.voxel_effect_percent) + " | " + plateau(r.voxel_effect_above_2_hz_percent) +
             " | " + text(r.energy_ratio) + " | " + text(r.peak_force_n) + " | " +
