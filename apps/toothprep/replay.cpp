@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <iostream>
@@ -42,6 +43,17 @@ struct Options {
   bool force = false, json = false, strict = false, allow_gaps = false;
 };
 
+// Of the force on the hand while the bur touched tissue: in air it is the coupling's alone, which
+// pulls the bur's mass along. None if it never touched.
+std::optional<double> peak_force_in_contact(const std::vector<StepRecord>& rows) {
+  std::optional<double> peak;
+  for (const StepRecord& row : rows)
+    if (row.stalled || std::any_of(row.contact_area.begin(), row.contact_area.end(),
+                                   [](double area) { return area > 0; }))
+      peak = std::max(peak.value_or(0), row.device_force.norm());
+  return peak;
+}
+
 Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, const Audit& audit,
                  const std::vector<Finding>& findings, const std::optional<double>& element_mm,
                  const std::vector<std::string>& outcome) {
@@ -60,6 +72,8 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   if (element_mm) j["element_mm"] = *element_mm;
   j["bur"] = trace.bur;
   j["peak_force_n"] = r.totals.peak_device_force;
+  const std::optional<double> touching = peak_force_in_contact(trace.rows);
+  j["peak_force_in_contact_n"] = touching ? Json(*touching) : Json(nullptr);
   j["largest_lag_mm"] = r.totals.largest_lag;
   j["stalled_steps"] = r.totals.stalled_steps;
   j["stall_onsets"] = r.totals.stall_onsets;
@@ -173,12 +187,17 @@ void run(const Options& o, const Common& common) {
           r.step_us_p50, r.step_us_p99));
   say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
                           t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
+  const std::optional<double> touching = peak_force_in_contact(trace.rows);
+  std::string where;
+  if (!touching)
+    where = " (the coupling's, in air)";
+  else if (*touching < t.peak_device_force)
+    where = fmt::format(" (the coupling's, in air; {:.2f} N in contact)", *touching);
   if (trace.drive == "coupled")
     say(common,
         fmt::format("peak force {:.2f} N{}; largest lag of the bur behind the handle {:.2f} "
                     "mm; stalled {} steps in {} stalls",
-                    t.peak_device_force, t.contact_steps == 0 ? " (the coupling's, in air)" : "",
-                    t.largest_lag, t.stalled_steps, t.stall_onsets));
+                    t.peak_device_force, where, t.largest_lag, t.stalled_steps, t.stall_onsets));
   else
     say(common, fmt::format("peak force {:.2f} N", t.peak_device_force));
   say(common, audit_text(audit));

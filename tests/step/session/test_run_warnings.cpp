@@ -8,6 +8,7 @@
 namespace toothprep::testing {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -60,6 +61,18 @@ TEST_F(RunWarnings, PulpAndWhatIsNoToothAreReportedWithTheirTime) {
   EXPECT_THAT(outcome_warnings(rows, ball_, tooth_),
               ElementsAre(HasSubstr("pulp was opened at 0.500 s: 0.250 mm^3"),
                           HasSubstr("from 1.000 s on: 0.125 mm^3")));
+}
+
+TEST_F(RunWarnings, ABurThatLeavesTheToothsGridIsReportedWithPlaceAndTime) {
+  // The block ends at x = 4; its grid a brick and the margin, at most 1.6 mm, farther.
+  std::vector<StepRecord> rows = {row_at(0, {-4, -1, 0}), row_at(0.5, {104, -1, 0}),
+                                  row_at(1, {-3, -1, 0}), row_at(1.5, {24, -1, 0})};
+  for (std::size_t i = 1; i < rows.size(); ++i) rows[i].removed_volume[0] = 0.1;
+  EXPECT_THAT(outcome_warnings(rows, ball_, tooth_),
+              ElementsAre(AllOf(HasSubstr("left the tooth's grid"), HasSubstr("at 0.500 s"),
+                                HasSubstr("for 25 % of the steps beyond 25 mm"))));
+  rows[1].bur.position.x() = 20;
+  EXPECT_THAT(outcome_warnings(rows, ball_, tooth_), IsEmpty()) << "a hand that waits beside it";
 }
 
 TEST_F(RunWarnings, ACutInEnamelIsNothingToReport) {

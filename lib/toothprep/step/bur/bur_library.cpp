@@ -154,6 +154,11 @@ Bur make_bur(const std::string& spec, const std::string& library_folder) {
   std::error_code error;
   const std::filesystem::path path(spec);
   if (path.extension() == ".toml") return read_bur_file(spec);
+  for (const char* mesh : {".stl", ".ply", ".obj", ".off", ".gz"})
+    if (lower(path.extension().string()) == mesh)
+      throw InputError(spec, "", "is a mesh; a bur is the body that a profile sweeps when it turns",
+                       "measure its diameter and length: cylinder:D1.2xL4.0 and other shapes "
+                       "(--bur list), or its outline: a profile file (data/burs/README.md)");
   if (spec.find(':') != std::string::npos || is_shape(spec)) return bur_from_shorthand(spec);
 
   const std::vector<LibraryEntry> entries = list_library(library_folder);

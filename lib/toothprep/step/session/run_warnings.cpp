@@ -37,6 +37,7 @@ std::vector<std::string> run_warnings(const SessionTotals& totals, Drive drive) 
 namespace {
 
 constexpr std::size_t kMostPoses = 300;
+constexpr double kFarFromGrid = 25;  // mm; a hand that waits beside the tooth is nearer
 
 double distance_of(const Bur& bur, const Pose& pose, const Vec3& x) {
   const Vec3 local = pose.to_local(x);
@@ -59,6 +60,24 @@ const StepRecord* first_removed(const std::vector<StepRecord>& rows, Tissue tiss
   const auto row = std::find_if(rows.begin(), rows.end(),
                                 [k](const StepRecord& r) { return r.removed_volume[k] > 0; });
   return row == rows.end() ? nullptr : &*row;
+}
+
+// Where the bur was farthest from the box of the tooth's grid.
+struct Farthest {
+  double distance = 0, time = 0;  // mm, s
+  std::size_t rows = 0;           // beyond kFarFromGrid
+};
+Farthest farthest_from_grid(const std::vector<StepRecord>& rows, const LayeredTooth& tooth) {
+  const Vec3 low = tooth.lattice.to_world(kBrickEdge * tooth.solid.first_brick());
+  const Vec3 size = tooth.lattice.voxel * (kBrickEdge * tooth.solid.brick_counts()).cast<double>();
+  Farthest found;
+  for (const StepRecord& row : rows) {
+    const Vec3 from = row.bur.position - low;
+    const double distance = (from - from.cwiseMax(Vec3::Zero()).cwiseMin(size)).norm();
+    found.rows += distance > kFarFromGrid;
+    if (distance > found.distance) found = {distance, row.handle.time, found.rows};
+  }
+  return found;
 }
 
 }  // namespace
@@ -104,6 +123,13 @@ std::vector<std::string> outcome_warnings(const std::vector<StepRecord>& rows, c
                      : std::string("nothing was removed, though the bur reached the tooth: did it "
                                    "stall from the first contact on?"));
   }
+  if (const Farthest far = farthest_from_grid(rows, tooth);
+      far.rows > 0 && !rows.empty() && removed(rows.back()) > 0)
+    warnings.push_back(fmt::format(
+        "the bur left the tooth's grid: {:.1f} mm from it at {:.3f} s, for {:.2g} % of "
+        "the steps beyond {:g} mm; is a sample or a unit wrong there?",
+        far.distance, far.time,
+        100 * static_cast<double>(far.rows) / static_cast<double>(rows.size()), kFarFromGrid));
   if (const StepRecord* row = first_removed(rows, Tissue::kPulp))
     warnings.push_back(
         fmt::format("the pulp was opened at {:.3f} s: {:.3f} mm^3 of it were removed",
