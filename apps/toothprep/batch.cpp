@@ -90,7 +90,7 @@ void run(const Options& o, CLI::App& app, const Common& common) {
   std::string failed;
   int failures = 0;
   for (const ItemRow& row : result.rows)
-    if (row.status != "done") {
+    if (row.failed()) {
       // Enough names to act on; the table has all.
       if (++failures <= 10) failed += (failed.empty() ? "" : ", ") + row.name;
     }
@@ -101,8 +101,12 @@ void run(const Options& o, CLI::App& app, const Common& common) {
       if (key == "plausible" && value == "false")
         doubtful.push_back(o.output + "/" + row.name +
                            ": its inputs or its energy audit can't be right; see its log.txt");
-  say(common, o.output + "/batch.csv: " + std::to_string(result.rows.size()) + " items, " +
-                  std::to_string(result.run) + " run now");
+  const auto warned = std::count_if(result.rows.begin(), result.rows.end(), [](const ItemRow& row) {
+    return row.status == "done with warning";
+  });
+  say(common, o.output + "/index.html, batch.csv: " + std::to_string(result.rows.size()) +
+                  " items, " + std::to_string(result.run) + " run now" +
+                  (warned > 0 ? ", " + std::to_string(warned) + " done with warning" : ""));
   if (failures > 0)
     throw Error(o.output + ": " + std::to_string(failures) + " of " +
                 std::to_string(result.rows.size()) + " items failed: " + failed +
@@ -131,7 +135,8 @@ void add_batch(CLI::App& app, const Common& common) {
       "  arguments = { original = \"molar.vdb\", type = \"crown\", report = true }\n"
       "Run again it goes on where it stopped, and repeats only what changed. A row for each item "
       "in\n"
-      "batch.csv and batch.json. The format: data/batch/README.md.\n"
+      "batch.csv, batch.json and index.html (ranked, with pictures of scores' reports). The "
+      "format: data/batch/README.md.\n"
       "Example: toothprep batch class.toml -o results");
   sub->callback([o, &app, &common] { run(*o, app, common); });
 }

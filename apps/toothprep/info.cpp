@@ -23,6 +23,7 @@
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/mesh_files/mesh_file.h"
 #include "toothprep/tools/scan_files/image_file.h"
+#include "toothprep/tools/shells/closing.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -202,7 +203,41 @@ void describe_scan(const std::string& path, Json& info) {
   if (!scan->notes().empty()) info["notes"] = scan->notes();
 }
 
-void describe_mesh(const std::string& path, Json& info) {
+// Whether it bounds something, its parts and openings, and what unit its size speaks of.
+void describe_shells(const std::string& path, double longest, Json& info, Warnings& warnings) {
+  constexpr std::size_t kMost = 40;  // parts and openings that are listed
+  const ShellSurvey survey = survey_shell(read_shell(path, {}, true));
+  info["closed"] = survey.openings.empty();
+  info["parts_count"] = survey.parts.size();
+  info["parts"] = Json::array();
+  for (std::size_t p = 0; p < std::min(kMost, survey.parts.size()); ++p) {
+    const ShellPart& part = survey.parts[p];
+    info["parts"].push_back({{"center_mm", list(0.5 * (part.bounds.min + part.bounds.max))},
+                             {"bounds_mm", bounds(part.bounds.min, part.bounds.max)},
+                             {"triangles", part.triangles},
+                             {"area_mm2", part.area_mm2},
+                             {"closed", part.closed},
+                             {"volume_mm3", part.closed ? Json(part.volume_mm3) : Json(nullptr)}});
+  }
+  info["openings_count"] = survey.openings.size();
+  info["openings"] = Json::array();
+  for (std::size_t o = 0; o < std::min(kMost, survey.openings.size()); ++o) {
+    const ShellOpening& opening = survey.openings[o];
+    info["openings"].push_back({{"center_mm", list(opening.centre)},
+                                {"width_mm", opening.width},
+                                {"rim_mm", opening.length},
+                                {"edges", opening.edges}});
+  }
+  const MeshUnit* unit = likely_mesh_unit(longest);
+  info["likely_length_unit"] = unit ? unit->name : "mm";
+  if (unit)
+    warnings.push_back(
+        fmt::format("{}: its longest side is {:.3g} mm, or {:.3g} mm if the file is in {}: "
+                    "--length-unit {} of voxelize and score says so",
+                    path, longest, longest * unit->mm, unit->word, unit->name));
+}
+
+void describe_mesh(const std::string& path, Json& info, Warnings& warnings) {
   const MeshFile mesh = read_mesh_file(path);
   const auto refuse = [&](const std::string& condition) {
     throw InputError(path, "", condition, "is the mesh complete?");
@@ -224,6 +259,7 @@ void describe_mesh(const std::string& path, Json& info) {
   info["vertices"] = mesh.points.size();
   info["triangles"] = triangles;
   info["bounds_mm"] = bounds(low, high);
+  describe_shells(path, (high - low).maxCoeff(), info, warnings);
 }
 
 std::string scalar(const Json& value) {
@@ -296,8 +332,8 @@ void run(const Options& o) {
     describe_trajectory(o.file, read_csv_trajectory(o.file), info, warnings);
   else if (extension == ".toml")
     describe_trajectory(o.file, read_script(o.file), info, warnings);
-  else if (extension == ".ply" || extension == ".stl" || extension == ".obj" || extension == ".off")
-    describe_mesh(o.file, info);
+  else if (is_mesh_file(o.file))
+    describe_mesh(o.file, info, warnings);
   else
     describe_scan(o.file, info);
   if (!folder) info["file_sha256"] = sha256_of_file(o.file);
@@ -317,11 +353,12 @@ void add_info(CLI::App& app, const Common&) {
   const auto o = std::make_shared<Options>();
   sub->add_option("file", o->file,
                   "Tooth (.vdb), trace or trajectory (.h5, .csv, .toml), mesh (.ply, .stl, .obj, "
-                  ".off), or a "
+                  ".off, .gz of these), or a "
                   "scan (.nrrd, .nii, .mha, ..., or a folder of DICOM)")
       ->required();
-  add_strict(*sub, o->strict,
-             "a tooth that another program changed, a motion or a trace that can't be meant");
+  add_strict(
+      *sub, o->strict,
+      "a tooth that another program changed, a motion, a trace or a size that can't be meant");
   sub->add_flag("--json", o->json, "As one JSON object on stdout");
   sub->footer(
       "Keys carry their unit. Always: schema, schema_version, file, file_sha256, kind. Besides:\n"
@@ -336,7 +373,11 @@ void add_info(CLI::App& app, const Common&) {
       "(null\n"
       "              if nothing was removed), bur, drive, engine, tooth_sha256, parameters (TOML)\n"
       "  scan        size (voxels), spacing_mm, origin_mm, direction (rows; LPS), min, max, mean\n"
-      "  mesh        format, vertices, triangles, bounds_mm\n"
+      "  mesh        format, vertices, triangles, bounds_mm, closed, parts (what hangs together, "
+      "the\n"
+      "              largest first: center_mm, bounds_mm, triangles, area_mm2, closed, "
+      "volume_mm3),\n"
+      "              openings (center_mm, width_mm, rim_mm, edges), likely_length_unit\n"
       "Example: toothprep info molar.vdb --json");
   sub->callback([o] { run(*o); });
 }

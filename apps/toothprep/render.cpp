@@ -9,6 +9,7 @@
 
 #include "command.h"
 #include "drawn.h"
+#include "progress_line.h"
 #include "strictness.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
@@ -72,6 +73,7 @@ struct Drawing {
   View view;
   Fit fit;
   RenderOptions options;
+  std::function<void(const std::string&, double)> progress;  // may be empty
 
   Picture finished(const Image& image, bool scale) const {
     Picture picture = picture_of(image);
@@ -91,7 +93,12 @@ struct Drawing {
     all.mm_per_pixel = widest;
     for (int n = 0; n < o.turntable; ++n) {
       const View turn = turned(view, axes.occlusal, angle(n));
-      const Image image = renderer.render(fit_camera(turn, renderer.meshes(), all), options);
+      RenderOptions frame = options;
+      if (progress)
+        frame.progress = [&](double done) {
+          progress(fmt::format("frame {} of {}", n + 1, o.turntable), (n + done) / o.turntable);
+        };
+      const Image image = renderer.render(fit_camera(turn, renderer.meshes(), all), frame);
       Picture picture = finished(image, true);
       if (o.colour == "deviation" && !o.no_scale) draw_colour_bar(picture, o.range);
       write_png(picture, fmt::format("{}/frame_{:03}.png", folder, n));
@@ -151,7 +158,10 @@ void run(const Options& o, const Common& common) {
   }
   const Renderer renderer(std::move(parts));
 
-  Drawing drawing{o, axes, {}, fit, {}};
+  ProgressLine progress(common);
+  Drawing drawing{o, axes, {}, fit, {}, progress.report()};
+  if (drawing.progress && o.turntable == 0)
+    drawing.options.progress = [&](double done) { drawing.progress("drawing", done); };
   drawing.options.samples = o.samples;
   drawing.options.range = o.range;
   if (!o.cut.empty()) drawing.options.cut = cut_of(o.cut, axes, renderer.middle());

@@ -7,6 +7,8 @@
 #include <optional>
 
 #include "command.h"
+#include "mesh_unit.h"
+#include "progress_line.h"
 #include "score_report.h"
 #include "session_options.h"
 #include "strictness.h"
@@ -21,7 +23,7 @@ namespace toothprep::app {
 namespace {
 
 struct Options {
-  std::string output, report, rubric, type;
+  std::string output, report, rubric, type, length_unit;
   std::vector<double> axis, mesial, buccal;
   bool json = false, list = false, force = false, strict = false;
   AssessmentOptions assessment;
@@ -69,6 +71,7 @@ void run(Options o, const Common& common) {
     a.type = static_cast<PreparationType>(
         std::find(kPreparationTypes.begin(), kPreparationTypes.end(), o.type) -
         kPreparationTypes.begin());
+  a.mm_per_unit = mm_per_mesh_unit(o.length_unit);
   a.preparation.occlusal = direction(o.axis);
   a.preparation.mesial = direction(o.mesial);
   a.preparation.buccal = direction(o.buccal);
@@ -79,13 +82,15 @@ void run(Options o, const Common& common) {
   const std::string report = outputs.optional_folder(o.report);
   outputs.begin();
 
+  ProgressLine progress(common);
+  a.progress = progress.report();
   Assessment assessment = assess_by_rubric(a, o.rubric, data_folder() + "/rubrics");
   assessment.sheet.toothprep_version = kVersion;
   assessment.sheet.build = build_text();
 
   warn_or_refuse(assessment.sheet.warnings, o.strict);
   write_score(assessment.sheet, output);
-  if (!report.empty()) write_score_report(assessment, a.process, report);
+  if (!report.empty()) write_score_report(assessment, a.process, report, progress.report());
   outputs.publish();
   if (o.json) std::cout << score_json(assessment.sheet);
   print(assessment, common);
@@ -98,13 +103,16 @@ void add_score(CLI::App& app, const Common& common) {
   auto* sub = app.add_subcommand("score", "Figures and points of a prepared cavity or crown");
   const auto o = std::make_shared<Options>();
   AssessmentOptions& a = o->assessment;
-  sub->add_option("--original", a.original, "The tooth before: .vdb, or a closed mesh");
-  sub->add_option("--prepared", a.prepared, "The tooth after: .vdb, or a closed mesh");
-  sub->add_option("--target", a.target, "What it should have become: .vdb, or a closed mesh");
+  sub->add_option("--original", a.original,
+                  "The tooth before: .vdb, or a mesh; an open scan is closed");
+  sub->add_option("--prepared", a.prepared,
+                  "The tooth after: .vdb, or a mesh; an open scan is closed");
+  sub->add_option("--target", a.target, "What it should have become: .vdb, or a mesh");
   sub->add_option("--trace", a.trace, "Recording of the work (.h5): adds time, forces, stalls");
   sub->add_option("-o,--output", o->output, "Figures and points to write (.json)");
   sub->add_option("--report", o->report,
-                  "Folder to write: report.html (complete in itself), prepared.ply, with a target "
+                  "Folder to write: report.html (complete in itself), thumbnail.png, prepared.ply, "
+                  "with a target "
                   "deviation.ply and .vtk");
   sub->add_option("--type", o->type, "Kind of preparation; default: the rubric's, or found")
       ->check(CLI::IsMember(
@@ -125,6 +133,7 @@ void add_score(CLI::App& app, const Common& common) {
   sub->add_option("--voxel-mm", a.voxel, "Voxel size for an original that is a mesh")
       ->check(CLI::Range(0.01, 1.0))
       ->capture_default_str();
+  add_mesh_unit(*sub, o->length_unit);
   sub->add_option("--undercut-threshold-mm", a.preparation.undercut_threshold,
                   "Undercuts shallower than this are taken for roughness")
       ->check(CLI::Range(0.0, 3.0))

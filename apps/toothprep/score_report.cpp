@@ -16,6 +16,7 @@ namespace toothprep::app {
 namespace {
 
 constexpr int kWidth = 720, kHeight = 540;  // pixels, of one picture
+constexpr int kSmallWidth = 240;            // of the thumbnail
 
 // Draws pictures of the prepared region, all from the same place at the same scale.
 class Studio {
@@ -70,6 +71,19 @@ class Studio {
     return picture;
   }
 
+  // The same, for a table of many.
+  Picture draw_small(RenderPart part, const std::string& view) const {
+    std::vector<RenderPart> parts;
+    parts.push_back(std::move(part));
+    const Renderer renderer(std::move(parts));
+    Fit fit = fit_;
+    fit.width = kSmallWidth;
+    fit.height = kSmallWidth * kHeight / kWidth;
+    fit.mm_per_pixel = fit_.mm_per_pixel * kWidth / kSmallWidth;
+    return picture_of(
+        renderer.render(fit_camera(view_of(view, axes_), renderer.meshes(), fit), options_));
+  }
+
   // Cut through the middle of the preparation, seen at the cut.
   Picture draw_cut(RenderPart part, const Vec3& removed_side) const {
     std::vector<RenderPart> parts;
@@ -100,11 +114,17 @@ std::vector<float> undercut_marks(const Assessment& assessment) {
   return marks;
 }
 
-std::vector<PagePicture> pictures_of(const Assessment& assessment) {
-  const Studio studio(assessment);
+using Progress = std::function<void(const std::string& stage, double done)>;
+
+std::vector<PagePicture> pictures_of(const Studio& studio, const Assessment& assessment,
+                                     const Progress& progress) {
+  const double all = 4 + (assessment.deviation ? 2 : 0) +
+                     (assessment.preparation.undercut_triangles.empty() ? 0 : 1) + 1;
   std::vector<PagePicture> pictures;
+  if (progress) progress("drawing the report", 0);
   const auto add = [&](const std::string& caption, const Picture& picture) {
     pictures.push_back({caption, png_bytes(picture)});
+    if (progress) progress("drawing the report", static_cast<double>(pictures.size()) / all);
   };
   add("Before, from the occlusal", studio.draw(studio.original(), "occlusal"));
   add("After, from the occlusal", studio.draw(studio.prepared(), "occlusal"));
@@ -133,10 +153,11 @@ std::vector<PagePicture> pictures_of(const Assessment& assessment) {
 }  // namespace
 
 void write_score_report(const Assessment& assessment, const ProcessOptions& process,
-                        const std::string& folder) {
+                        const std::string& folder, const Progress& progress) {
   ScorePage page;
   page.sheet = assessment.sheet;
-  page.pictures = pictures_of(assessment);
+  const Studio studio(assessment);
+  page.pictures = pictures_of(studio, assessment, progress);
   page.sections = assessment.preparation.sections;
   if (assessment.deviation) {
     const std::vector<float>& values = assessment.deviation->per_vertex;
@@ -149,6 +170,9 @@ void write_score_report(const Assessment& assessment, const ProcessOptions& proc
     page.trace = trace_plot(assessment.trace->rows, assessment.process->events, process);
   write_mesh(assessment.preparation_surface, folder + "/prepared.ply");
   write_file(folder + "/report.html", score_page_html(page));
+  write_file(folder + "/thumbnail.png",
+             png_bytes(studio.draw_small(studio.prepared(), "occlusal")));
+  if (progress) progress("drawing the report", 1);
 }
 
 }  // namespace toothprep::app

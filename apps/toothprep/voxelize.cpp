@@ -1,22 +1,24 @@
-// toothprep voxelize: a CT scan, a segmentation or closed shells to a layered tooth.
+// toothprep voxelize: a CT scan, a segmentation or surface meshes to a layered tooth.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <iostream>
 #include <memory>
 
 #include "command.h"
+#include "mesh_unit.h"
+#include "progress_line.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/plain_text.h"
+#include "toothprep/tools/mesh_files/mesh_file.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/scan_report.h"
 #include "toothprep/tools/segmentation/voxelize_file.h"
 #include "toothprep/tools/segmentation/voxelize_json.h"
-#include "toothprep/tools/shells/shells.h"
+#include "toothprep/tools/shells/closing.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -28,12 +30,13 @@ struct Options {
   std::vector<double> thresholds;
   std::string spacing_mm;
   std::vector<std::string> labels;  // tissue=value
-  std::vector<std::string> meshes;  // tissue=file
-  std::string series, report, tooth, hounsfield;
+  std::vector<std::string> meshes;  // tissue=file, or a file with enamel_mm
+  double enamel_mm = 0;             // 0: not given
+  std::string series, report, tooth, hounsfield, length_unit;
   std::vector<double> roi;  // mm
   int component = 0;        // 0: not given
   bool allow_irregular = false;
-  bool repair = false, force = false, json = false;
+  bool repair = true, force = false, json = false;
 };
 
 std::map<std::uint16_t, Tissue> parse_labels(const std::vector<std::string>& texts) {
@@ -69,8 +72,9 @@ std::array<double, 3> parse_spacing(const std::string& text) {
   return spacing;
 }
 
-// "N" or "X,Y,Z" (mm).
-void choose_tooth(const std::string& text, VoxelizeOptions& how) {
+// "N" or "X,Y,Z" (mm), to `tooth` or `tooth_at`.
+template <class How>
+void choose_tooth(const std::string& text, How& how) {
   const auto parts = CLI::detail::split(text, ',');
   Vec3 at = Vec3::Zero();
   bool good = parts.size() == 3;
@@ -84,6 +88,10 @@ void choose_tooth(const std::string& text, VoxelizeOptions& how) {
   else if (parts.size() != 1 || !CLI::detail::lexical_cast(text, how.tooth) || how.tooth < 1)
     throw CLI::ValidationError("--tooth",
                                "'" + text + "' is neither a number (1 is the largest) nor X,Y,Z");
+}
+
+Box roi_of(const std::vector<double>& roi) {
+  return {Vec3(roi[0], roi[2], roi[4]), Vec3(roi[1], roi[3], roi[5])};
 }
 
 std::string presets_file() { return data_folder() + "/scans/hounsfield.toml"; }
@@ -103,33 +111,16 @@ std::vector<std::pair<Tissue, std::string>> parse_meshes(const std::vector<std::
     const auto tissue = tissue_named(text.substr(0, equals));
     if (equals == std::string::npos || !tissue || equals + 1 == text.size())
       throw CLI::ValidationError(
-          "--mesh", "'" + text + "' is not TISSUE=FILE (enamel, dentin, pulp or other)");
+          "--mesh",
+          "'" + text +
+              "' is not TISSUE=FILE (enamel, dentin, pulp or other); a scan without layers "
+              "takes --enamel-mm T, too: a model of its enamel");
     for (const auto& [known, file] : meshes)
       if (known == *tissue)
         throw CLI::ValidationError("--mesh", text.substr(0, equals) + " is given twice");
     meshes.emplace_back(*tissue, text.substr(equals + 1));
   }
   return meshes;
-}
-
-std::function<void(const std::string&, double)> progress_line() {
-  return [](const std::string& stage, double done) {
-    if (done < 1)
-      std::cerr << fmt::format("\r{:3.0f} %  {:<30}", 100 * done, stage) << std::flush;
-    else
-      std::cerr << fmt::format("\r{:<38}\r", "") << std::flush;
-  };
-}
-
-// Ends the progress line where an error is to follow it.
-template <class Work>
-auto with_line_ended(bool terminal, const Work& work) {
-  try {
-    return work();
-  } catch (...) {
-    if (terminal) std::cerr << '\n';
-    throw;
-  }
 }
 
 // The file, a line on stderr, JSON on stdout.
@@ -151,21 +142,38 @@ void finish(const LayeredTooth& tooth, const Options& options, const Common& com
                                grey_scan);
 }
 
+ShellReading reading_of(const Options& options) {
+  ShellReading how;
+  how.mm_per_unit = mm_per_mesh_unit(options.length_unit);
+  if (!options.roi.empty()) how.roi = roi_of(options.roi);
+  if (!options.tooth.empty()) choose_tooth(options.tooth, how);
+  how.mend = options.repair;
+  return how;
+}
+
 void run_meshes(const Options& options, const Common& common) {
   const auto start = std::chrono::steady_clock::now();
-  const auto meshes = parse_meshes(options.meshes);
+  const bool bare = options.enamel_mm > 0;
+  if (bare && (options.meshes.size() != 1 || !is_mesh_file(options.meshes[0]) ||
+               tissue_named(options.meshes[0].substr(0, options.meshes[0].find('=')))))
+    throw CLI::ValidationError("--enamel-mm", "takes a single --mesh FILE without a tissue");
+  const auto meshes =
+      bare ? std::vector<std::pair<Tissue, std::string>>{{Tissue::kOther, options.meshes[0]}}
+           : parse_meshes(options.meshes);
+  const ShellReading reading = reading_of(options);
   Outputs outputs(options.force);
   for (const auto& [tissue, file] : meshes) outputs.reads({file});
   const std::string output = outputs.file(options.output, {".vdb"});
   outputs.begin();
-  const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
+  ProgressLine progress(common);
   ShellOptions how;
   how.voxel = options.voxel_mm;
-  if (terminal) how.progress = progress_line();
+  how.progress = progress.report();
   how.announce = [&](const std::string& work) { say(common, work); };
   std::vector<std::string> notes;
-  const LayeredTooth tooth = with_line_ended(
-      terminal, [&] { return voxelize_shell_files(meshes, options.repair, how, notes); });
+  const LayeredTooth tooth =
+      bare ? voxelize_bare_shell(meshes[0].second, options.enamel_mm, reading, how, notes)
+           : voxelize_shell_files(meshes, reading, how, notes);
   for (const auto& note : notes) warn(note);
   finish(tooth, options, common, outputs, output, start, notes);
 }
@@ -178,13 +186,12 @@ ScanJob job_of(const Options& options) {
   job.reading.series = options.series;
   job.reading.allow_irregular = options.allow_irregular;
   if (options.component > 0) job.reading.component = options.component;
-  if (!options.roi.empty())
-    job.roi = Box{Vec3(options.roi[0], options.roi[2], options.roi[4]),
-                  Vec3(options.roi[1], options.roi[3], options.roi[5])};
+  if (!options.roi.empty()) job.roi = roi_of(options.roi);
   job.how.voxel = options.voxel_mm;
   if (!options.thresholds.empty())
     job.how.thresholds = {options.thresholds[0], options.thresholds[1]};
   if (!options.tooth.empty()) choose_tooth(options.tooth, job.how);
+  job.how.one_tooth = !options.tooth.empty();
   if (!options.hounsfield.empty()) {
     const auto presets = read_hounsfield_presets(presets_file());
     const HounsfieldPreset& preset = preset_named(presets, options.hounsfield);
@@ -213,11 +220,11 @@ void run_scan(const Options& options, const Common& common) {
   outputs.begin();
   if (!report_folder.empty() && !run_script("plot-scan-report", {"--check"}))
     throw Error("plot-scan-report cannot run; install python3-numpy and python3-matplotlib");
-  const bool terminal = isatty(STDERR_FILENO) != 0 && !common.quiet;
-  if (terminal) job.how.progress = progress_line();
+  ProgressLine progress(common);
+  job.how.progress = progress.report();
   job.how.announce = [&](const std::string& work) { say(common, options.scan + ": " + work); };
   job.how.keep_greys = !report_folder.empty();
-  const auto [tooth, report] = with_line_ended(terminal, [&] { return voxelize_file(job); });
+  const auto [tooth, report] = voxelize_file(job);
   if (!report_folder.empty()) {
     write_scan_report(report_folder, tooth, report, kVersion, build_text());
     if (!run_script("plot-scan-report", {report_folder})) throw Error("plot-scan-report failed");
@@ -238,6 +245,10 @@ void run(const Options& options, const Common& common) {
     throw CLI::ValidationError("voxelize", options.meshes.empty()
                                                ? "needs a scan or --mesh TISSUE=FILE"
                                                : "takes a scan or --mesh, not both");
+  if (options.meshes.empty() && !options.length_unit.empty())
+    throw CLI::ValidationError("--length-unit", "is for --mesh; a scan has --spacing-mm");
+  if (options.meshes.empty() && options.enamel_mm > 0)
+    throw CLI::ValidationError("--enamel-mm", "is for --mesh");
   if (options.meshes.empty())
     run_scan(options, common);
   else
@@ -250,7 +261,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
   const auto options = std::make_shared<Options>();
   CLI::App* sub = app.add_subcommand(
       "voxelize",
-      "A CT scan (DICOM series, NRRD, NIfTI, MetaImage), a segmentation or closed shells to a "
+      "A CT scan (DICOM series, NRRD, NIfTI, MetaImage), a segmentation or surface meshes to a "
       "layered tooth");
   sub->add_option(
       "scan", options->scan,
@@ -269,8 +280,10 @@ void add_voxelize(CLI::App& app, const Common& common) {
                   "Of a scan in Hounsfield units: separate the tissues by a preset's borders "
                   "('list' prints them) instead of by the histogram's peaks")
       ->excludes("--thresholds");
-  sub->add_option("--tooth", options->tooth,
-                  "Of several teeth: N (1 is the largest), or a place in it X,Y,Z in mm, LPS");
+  sub->add_option(
+      "--tooth", options->tooth,
+      "Of several teeth in a scan, a segmentation or a mesh: N (1 is the largest), or a "
+      "place in it X,Y,Z in mm, LPS");
   sub->add_option("--spacing-mm", options->spacing_mm,
                   "Voxel size of the scan, mm, in place of the file's: S or X,Y,Z");
   sub->add_option("--labels", options->labels,
@@ -279,18 +292,21 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->excludes("--thresholds")
-      ->excludes("--hounsfield")
-      ->excludes("--tooth");
+      ->excludes("--hounsfield");
   sub->add_option("--mesh", options->meshes,
-                  "In place of a scan, closed shells in mm (.stl .ply .obj .off), one per option: "
-                  "enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the inner "
-                  "tissue wins")
+                  "In place of a scan, surfaces (.stl .ply .obj .off, .gz of these), one per "
+                  "option: enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the "
+                  "inner tissue wins. Small faults are mended and open sides closed, with warnings")
       ->allow_extra_args(false)
       ->excludes("--labels")
       ->excludes("--thresholds")
       ->excludes("--hounsfield")
-      ->excludes("--tooth")
       ->excludes("--spacing-mm");
+  sub->add_option("--enamel-mm", options->enamel_mm,
+                  "Layers for a single --mesh FILE that has none, by a model: enamel of this "
+                  "thickness, thinning out towards an open neck; no pulp")
+      ->check(CLI::Range(0.1, 5.0));
+  add_mesh_unit(*sub, options->length_unit);
   sub->add_option(
          "--series", options->series,
          "Of a folder with several DICOM series, the one by its place in the list, number, "
@@ -306,17 +322,17 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->check(CLI::Range(1, 65535))
       ->excludes("--mesh");
   sub->add_option("--roi", options->roi,
-                  "Only this part of the scan: XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX in mm, LPS")
+                  "Only this part of the scan or mesh: XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX in mm, LPS")
       ->delimiter(',')
       ->expected(6)
-      ->allow_extra_args(false)
-      ->excludes("--mesh");
+      ->allow_extra_args(false);
   sub->add_option("--report", options->report,
                   "Also make a folder with the histogram, three slices with the tissues' outlines, "
                   "volumes and the enamel's thickness")
       ->excludes("--mesh");
-  sub->add_flag("--repair", options->repair,
-                "Mend what can be mended in the shells without guessing, and say what was done")
+  sub->add_flag("--repair,!--no-repair", options->repair,
+                "Mend and close meshes where that invents no shape, and say what was done (the "
+                "default); --no-repair refuses them")
       ->needs("--mesh");
   sub->add_flag("--force", options->force, "Replace an existing output");
   sub->add_flag("--json", options->json, "Thresholds, volumes and hashes on stdout as JSON");
@@ -326,7 +342,8 @@ void add_voxelize(CLI::App& app, const Common& common) {
       "  toothprep voxelize dicom-folder -o tooth.vdb --voxel-mm 0.05 --thresholds 900,1900\n"
       "  toothprep voxelize jaw-ct -o tooth.vdb --hounsfield young-permanent --tooth 12.5,-40,31\n"
       "  toothprep voxelize segmentation.nii.gz -o tooth.vdb --labels enamel=2,dentin=3,other=1\n"
-      "  toothprep voxelize --mesh enamel=crown.stl --mesh dentin=dentin.stl -o tooth.vdb");
+      "  toothprep voxelize --mesh enamel=crown.stl --mesh dentin=dentin.stl -o tooth.vdb\n"
+      "  toothprep voxelize --mesh arch.ply.gz --tooth 12,-4,3 --enamel-mm 1.5 -o tooth.vdb");
   sub->callback([options, &common] { run(*options, common); });
 }
 

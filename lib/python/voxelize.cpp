@@ -9,7 +9,7 @@
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/voxelize_file.h"
 #include "toothprep/tools/segmentation/voxelize_json.h"
-#include "toothprep/tools/shells/shells.h"
+#include "toothprep/tools/shells/closing.h"
 #include "toothprep/version.h"
 
 namespace toothprep::python {
@@ -92,10 +92,12 @@ py::tuple voxelize_meshes(const py::dict& meshes, double voxel_mm, bool repair,
                        path_of(py::reinterpret_borrow<py::object>(file)));
   Made made;
   run_long(progress, [&](Progress& p) {
+    ShellReading reading;
+    reading.mend = repair;
     ShellOptions how;
     how.voxel = voxel_mm;
     how.progress = [&](const std::string& stage, double done) { p.report(stage, done); };
-    LayeredTooth tooth = voxelize_shell_files(files, repair, how, made.notes);
+    LayeredTooth tooth = voxelize_shell_files(files, reading, how, made.notes);
     made.json =
         voxelize_json(tooth, {}, seconds_since(start), made.notes, {kVersion, build_text()});
     made.tooth = std::make_shared<Tooth>(std::move(tooth));

@@ -235,7 +235,10 @@ class Commands(CommandTest):
         count = int.from_bytes(whole[80:84], "little")
         with open(self.path("hole.stl"), "wb") as f:  # one triangle less
             f.write(whole[:80] + (count - 1).to_bytes(4, "little") + whole[84:-50])
-        self.assert_refused("voxelize", "--mesh", "enamel=hole.stl", "-o", "no.vdb", output="no.vdb", says="hole.stl")
+        self.assert_refused("voxelize", "--mesh", "enamel=hole.stl", "--no-repair", "-o", "no.vdb", output="no.vdb",
+                            says="hole.stl")
+        self.assertIn("warning: hole.stl: filled a hole of", self.run_ok("voxelize", "--mesh", "enamel=hole.stl", "-o",
+                                                                       "filled.vdb").stderr)
         self.assertEqual(self.run_tool("voxelize", "-o", "no.vdb").returncode, 2)
         self.assertEqual(self.run_tool("voxelize", "--mesh", "enamel", "-o", "no.vdb").returncode, 2)
 

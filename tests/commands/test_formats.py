@@ -266,7 +266,7 @@ class Examples(Tool):
         with open(os.path.join(self.folder, "results/batch.csv"), encoding="utf-8") as table:
             rows = list(csv.DictReader(table))
         self.assertGreater(len(rows), 0)
-        self.assertEqual({row["status"] for row in rows}, {"done"})
+        self.assertNotIn("failed", [row["status"] for row in rows])
 
     def run_experiment(self, text):
         self.write("experiments/own/experiment.toml", text)

@@ -35,7 +35,7 @@ class Fit(dict):
 
 
 def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfield=None, labels=None, meshes=None,
-             spacing_mm=None, tooth=1, series="", component=None, roi_mm=None, allow_irregular=False, repair=False,
+             spacing_mm=None, tooth=1, series="", component=None, roi_mm=None, allow_irregular=False, repair=True,
              overwrite=True, progress=None):
     """A CT scan, a segmentation or closed shells to a layered tooth.
 
@@ -44,7 +44,8 @@ def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfi
     thresholds  grey values (surroundings|dentin, dentin|enamel); None: found in the histogram
     hounsfield  name of a preset of borders in Hounsfield units, in place of the histogram's peaks
     labels      the source is a segmentation: {"enamel": 2, "dentin": 3, ...}
-    meshes      in place of a source: {"enamel": path, "dentin": path, ...}, closed shells in mm; repair mends them
+    meshes      in place of a source: {"enamel": path, "dentin": path, ...}, surfaces in mm; repair mends and
+                closes them where that invents no shape (a note says so), else faults are refused
     spacing_mm  voxel size of the scan in place of the file's: a number or three
     tooth       of several: 1 is the largest; or a place in it, (x, y, z), mm, W
     series, component, roi_mm (((x, y, z), (x, y, z)), lower and upper corner), allow_irregular: as the command's

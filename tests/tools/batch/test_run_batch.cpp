@@ -13,6 +13,7 @@
 
 #include "scratch_folder.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/batch/index_page.h"
 #include "toothprep/tools/batch/run_batch.h"
 
 namespace toothprep {
@@ -36,6 +37,7 @@ case $mode in
   crash) kill -SEGV $$;;
   hang) sleep 60;;
   stubborn) trap '' TERM; while :; do sleep 0.05; done;;
+  odd) echo "warning: the mesh is odd" >&2; echo "warning: and small" >&2;;
   empty) exit 0;;
   garbage) echo x > out.bin; echo "not json"; exit 0;;
   slow) sleep 0.2;;
@@ -116,13 +118,29 @@ TEST_F(RunBatch, WritesAFolderAndARowForEachItem) {
   EXPECT_EQ(get("out/two/out.bin"), "TWO");
   EXPECT_EQ(get("out/two/log.txt"), "working on something\n");
   EXPECT_EQ(get("out/batch.csv"),
-            "name,command,status,reason,bytes,half,ok,group.b,group.a,criteria.depth_mm.points\n"
-            "two,work,done,,3,3.5,true,2,1,3.25\n"
-            "one,work,done,,3,3.5,true,2,1,3.25\n");
+            "name,status,command,reason,bytes,half,ok,group.b,group.a,criteria.depth_mm.points\n"
+            "two,done,work,,3,3.5,true,2,1,3.25\n"
+            "one,done,work,,3,3.5,true,2,1,3.25\n");
   const auto json = nlohmann::json::parse(get("out/batch.json"));
   EXPECT_EQ(json["done"], 2);
   EXPECT_EQ(json["items"][1]["figures"]["half"], 3.5);
   EXPECT_EQ(parts(), 0);
+}
+
+TEST_F(RunBatch, AWarningOfAnItemStandsInItsRowAlsoWhenItWasDone) {
+  for (int time = 0; time < 2; ++time) {
+    const BatchResult result = run({{"one", "odd"}, {"two", "good"}});
+    EXPECT_EQ(result.run, time == 0 ? 2 : 0);
+    EXPECT_EQ(result.rows[0].status, "done with warning");
+    EXPECT_EQ(result.rows[0].reason, "the mesh is odd (and 1 more)");
+    EXPECT_EQ(result.rows[1].status, "done");
+    EXPECT_FALSE(result.rows[0].failed());
+    EXPECT_THAT(get("out/batch.csv"), HasSubstr("one,done with warning,work,the mesh is odd"));
+    EXPECT_THAT(get("out/index.html"), HasSubstr("the mesh is odd (and 1 more)"));
+  }
+  const auto json = nlohmann::json::parse(get("out/batch.json"));
+  EXPECT_EQ(json["done"], 2);
+  EXPECT_EQ(json["done_with_warning"], 1);
 }
 
 TEST_F(RunBatch, GoesOnWhenAnItemFailsCrashesHangsOrWritesNothing) {
@@ -145,7 +163,7 @@ TEST_F(RunBatch, GoesOnWhenAnItemFailsCrashesHangsOrWritesNothing) {
   // Of a failed item nothing remains but why.
   EXPECT_FALSE(exists("out/e/out.bin"));
   EXPECT_TRUE(exists("out/a/log.txt"));
-  EXPECT_THAT(get("out/batch.csv"), HasSubstr("a,work,failed,tooth.vdb: is broken; mend it,,,"));
+  EXPECT_THAT(get("out/batch.csv"), HasSubstr("a,failed,work,tooth.vdb: is broken; mend it,,,"));
   // Failed items run again, the good one doesn't.
   const int before = times_run();
   EXPECT_EQ(run({{"a", "fail"}, {"one", "good"}}).run, 1u);
@@ -290,10 +308,53 @@ TEST(ItemTable, QuotesAsCsvNeedsIt) {
                                      {"c", "score", "done", "", {{"y", "1"}}},
                                      {"d", "score", "done", "", {{"x", "2.5"}, {"y", "false"}}}};
   EXPECT_EQ(table_csv(rows),
-            "name,command,status,reason,y,x\n"
-            "\"a,b\",score,failed,\"says \"\"no\"\"\nand more\",,\n"
-            "c,score,done,,1,\n"
-            "d,score,done,,false,2.5\n");
+            "name,status,command,reason,y,x\n"
+            "\"a,b\",failed,score,\"says \"\"no\"\"\nand more\",,\n"
+            "c,done,score,,1,\n"
+            "d,done,score,,false,2.5\n");
+}
+
+TEST(ItemTable, PointsAndVerdictStandFirst) {
+  const std::vector<ItemRow> rows = {
+      {"a",
+       "score",
+       "done",
+       "",
+       {{"depth_mm", "2"}, {"points_percent", "61.5"}, {"passed", "false"}}},
+      {"b", "score", "failed", "no file", {}}};
+  EXPECT_EQ(table_csv(rows),
+            "name,status,points_percent,passed,command,reason,depth_mm\n"
+            "a,done,61.5,false,score,,2\n"
+            "b,failed,,,score,no file,\n");
+}
+
+TEST(IndexPage, RanksByPointsAndEscapesWhatItShows) {
+  const std::vector<ItemRow> rows = {
+      {"low", "score", "done", "", {{"points_percent", "40"}, {"passed", "false"}}},
+      {"<b>", "score", "failed", "says <script>", {}},
+      {"top & 1",
+       "score",
+       "done with warning",
+       "an odd mesh",
+       {{"points_percent", "90"},
+        {"passed", "true"},
+        {"removed_mm3.enamel", "1.5"},
+        {"removed_mm3.dentin", "2"},
+        {"removed_mm3.total", "3.5"}}}};
+  const std::string page = index_page(rows, "/nowhere", "9.9");
+  const auto place = [&](const std::string& text) {
+    EXPECT_THAT(page, HasSubstr(text));
+    return page.find(text);
+  };
+  EXPECT_LT(place("<b>top &amp; 1</b>"), place("<b>low</b>"));
+  EXPECT_LT(place("<b>low</b>"), place("<b>&lt;b&gt;</b>"));
+  EXPECT_LT(place("90.0 %"), place("40.0 %"));
+  place("1 of 2 passed; 2 done, 1 of them with a warning, 1 failed.");
+  place("says &lt;script&gt;");
+  place("an odd mesh");
+  place(">3.50<");
+  EXPECT_EQ(page.find("http"), std::string::npos) << "nothing comes from elsewhere";
+  EXPECT_EQ(page.find("<script"), std::string::npos);
 }
 
 }  // namespace

@@ -94,7 +94,7 @@ class Calibration(CommandTest):
         rough = self.run_ok(*common, "-o", "rough.json").stderr
         self.assertIn("rounded.csv: positions are rounded to 0.001 mm", rough)
         self.assertNotIn("sensor frame rotated", rough)
-        window = rough.split("--smooth-motion-ms ")[1].split()[0]
+        window = rough.split("positions are rounded")[1].split("--smooth-motion-ms ")[1].split()[0]
         smooth = self.run_ok(*common, "--smooth-motion-ms", window, "-o", "smooth.json").stderr
         self.assertNotIn("rounded", smooth)
         errors = [abs(json.loads(self.file(n).read_text())["tissues"]["enamel"]["u_j_per_mm3"] / 0.42 - 1)

@@ -155,14 +155,50 @@ TEST_F(Files, AMeshOfFewLargeTrianglesGetsVerticesEverywhere) {
   EXPECT_NEAR(volume_mm3(solid.tooth.solid, 0.2), 512, 1e-3);
 }
 
-TEST_F(Files, AMeshThatIsNotClosedIsRefusedWithThePlaceOfTheHole) {
-  TriangleMesh open = extract_surface(block(0.5), SurfaceOf::kAll);
-  open.triangles.resize(open.triangles.size() - 5);
+// The part of a mesh above y = `lowest`: open there.
+TriangleMesh open_below(TriangleMesh mesh, float lowest) {
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return mesh.vertices[t[0]].y() < lowest || mesh.vertices[t[1]].y() < lowest ||
+           mesh.vertices[t[2]].y() < lowest;
+  });
+  return mesh;
+}
+
+TEST_F(Files, BeyondAnOpenScansRimNothingCountsAsCut) {
+  // A student's work as a scan of the crown alone, against the whole tooth and against a scan of
+  // the crown before, cut at another height: the cavity is all that is missing.
+  const LayeredTooth tooth = block(0.1);
+  const LayeredTooth cut = carved(tooth, box_shape(Vec3(-1.5, -2, -1), Vec3(1.5, 1, 1)));
+  const double cavity = volume_mm3(tooth.solid, 0.1) - volume_mm3(cut.solid, 0.1);
+  const TriangleMesh before = extract_surface(tooth, SurfaceOf::kAll);
+  const TriangleMesh after = extract_surface(cut, SurfaceOf::kAll);
+  write_tooth(tooth, path("whole.vdb"));
+  write_mesh(open_below(before, -5.03F), path("before.stl"));
+  write_mesh(open_below(after, -4.03F), path("after.stl"));
+  const Solid scan = read_solid(path("after.stl"), 0.1);
+  ASSERT_EQ(scan.open_sides.size(), 1U);
+  EXPECT_THAT(scan.warnings, ::testing::ElementsAre(HasSubstr("after.stl: closed the open side")));
+  for (const char* original : {"whole.vdb", "before.stl"}) {
+    const Solid whole = read_solid(path(original), 0.1);
+    const Solid prepared = on_lattice(scan, whole);
+    const double removed =
+        volume_mm3(whole.tooth.solid, 0.1) - volume_mm3(prepared.tooth.solid, 0.1);
+    EXPECT_NEAR(removed, cavity, 0.005 * cavity) << original;
+  }
+}
+
+TEST_F(Files, AMeshThatWouldHaveToBeInventedIsRefusedWithItsOpenings) {
+  // Open at the bottom and at one side: two wide openings in one piece.
+  TriangleMesh open = open_below(extract_surface(block(0.5), SurfaceOf::kAll), -5);
+  std::erase_if(open.triangles, [&](const auto& t) {
+    const auto middle = (open.vertices[t[0]] + open.vertices[t[1]] + open.vertices[t[2]]) / 3;
+    return middle.x() > 3.9F && middle.y() < -0.6F && middle.y() > -4.4F;
+  });
   write_mesh(open, path("open.stl"));
   EXPECT_THAT(
       [&] { static_cast<void>(read_solid(path("open.stl"), 0.5)); },
-      ThrowsMessage<InputError>(AllOf(HasSubstr("open.stl"), HasSubstr("does not bound a solid"),
-                                      HasSubstr("has a hole"))));
+      ThrowsMessage<InputError>(
+          AllOf(HasSubstr("open.stl"), HasSubstr("does not bound a solid"), HasSubstr("opening"))));
   EXPECT_THAT([&] { static_cast<void>(read_solid(path("nothing.step"), 0.5)); },
               ThrowsMessage<InputError>(HasSubstr(".vdb, .stl")));
   EXPECT_THROW(static_cast<void>(read_solid(path("absent.vdb"), 0.5)), InputError);

@@ -96,7 +96,7 @@ class Score(CommandTest):
         self.assertTrue(score["criteria"])
         self.assertIn("points_percent", score)
         self.assertEqual(sorted(os.listdir(self.path("r"))), [".toothprep-folder", "deviation.ply", "deviation.vtk",
-                                                              "prepared.ply", "report.html"])
+                                                              "prepared.ply", "report.html", "thumbnail.png"])
         with open(self.path("r/report.html"), encoding="utf-8") as file:
             page = file.read()
         self.assertEqual(page.count("<svg"), page.count("</svg>"))

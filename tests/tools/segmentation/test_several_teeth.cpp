@@ -5,6 +5,7 @@
 
 #include "../../support/phantom.h"
 #include "../../support/scan_files.h"
+#include "toothprep/step/core/errors.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 
@@ -185,6 +186,54 @@ TEST_F(HounsfieldFile, IsReadStrictly) {
   std::string swapped = good;
   swapped.replace(swapped.find("800"), 3, "2000");
   EXPECT_THROW(read_hounsfield_presets(write("d.toml", swapped)), InputError);
+}
+
+// A box of enamel (20) around dentin (30); of bone (5) a plate below.
+void put_tooth(ImageVolume<std::uint16_t>& labels, const Index3& low, const Index3& high) {
+  for (int k = low.z(); k <= high.z(); ++k)
+    for (int j = low.y(); j <= high.y(); ++j)
+      for (int i = low.x(); i <= high.x(); ++i) {
+        const Index3 at(i, j, k);
+        const bool inner =
+            (at.array() > low.array() + 2).all() && (at.array() < high.array() - 2).all();
+        labels.at(i, j, k) = inner ? 30 : 20;
+      }
+}
+
+TEST(SeveralTeeth, OfLabelsEachCanBeChosenAndTheListSaysWhereTheyAre) {
+  ImageVolume<std::uint16_t> labels;
+  labels.size = Index3(60, 24, 30);
+  labels.spacing = Vec3::Constant(0.2);
+  labels.data.assign(60 * 24 * 30, 0);
+  for (int j = 0; j < 24; ++j)
+    for (int i = 0; i < 60; ++i) labels.at(i, j, 0) = 5;
+  put_tooth(labels, {2, 2, 1}, {27, 21, 26});   // 26 x 20 x 26 voxels: 108 mm3
+  put_tooth(labels, {32, 2, 1}, {51, 21, 20});  // 20 x 20 x 20: 64 mm3
+  const std::map<std::uint16_t, Tissue> tissues = {
+      {20, Tissue::kEnamel}, {30, Tissue::kDentin}, {5, Tissue::kOther}};
+  VoxelizeOptions options;
+  options.voxel = 0.2;
+  const auto volume = [&](VoxelizeReport* report = nullptr) {
+    const auto v = remaining_volumes_mm3(voxelize_labels(labels, tissues, options, report));
+    return v[0] + v[1];
+  };
+  EXPECT_NEAR(volume(), 108.16 + 64, 2) << "all that is named, as ever";
+  options.one_tooth = true;
+  options.tooth = 2;
+  VoxelizeReport report;
+  EXPECT_NEAR(volume(&report), 64, 1);
+  EXPECT_THAT(report.notes,
+              ::testing::ElementsAre(::testing::AllOf(
+                  ::testing::HasSubstr("took tooth 2 of 2"),
+                  ::testing::HasSubstr("1: 108 mm3, centre 2.9,2.3,2.7"),
+                  ::testing::HasSubstr("2: 64 mm3, centre 8.3,2.3,2.1, from 6.4,0.4,0.2 to"))));
+  options.tooth_at = Vec3(3, 2, 3);
+  EXPECT_NEAR(volume(), 108.16, 1.5);
+  options.tooth_at = Vec3(3, 2, 90);
+  EXPECT_THROW(volume(), Error);
+  options.tooth_at.reset();
+  options.tooth = 3;
+  EXPECT_THROW(volume(), Error);
 }
 
 }  // namespace

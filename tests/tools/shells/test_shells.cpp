@@ -14,7 +14,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/mesh/surface.h"
-#include "toothprep/tools/shells/shells.h"
+#include "toothprep/tools/shells/closing.h"
 
 namespace toothprep {
 namespace {
@@ -223,9 +223,10 @@ TEST(Shells, ACavityIsAPartThatLooksInward) {
   append(shell, hollow);
   EXPECT_THAT(shell_faults(shell), ElementsAre(AllOf(HasSubstr("part of 12 faces, with face 13"),
                                                      HasSubstr("inside out"))));
-  ASSERT_THAT(repair_shell(shell), ElementsAre(HasSubstr("turned 12 faces")));
-  ASSERT_THAT(shell_faults(shell), IsEmpty());
-  EXPECT_NEAR(volume_mm3(voxelized({{Tissue::kOther, shell}}, 0.1).solid, 0.1), 512 - 64, 1);
+  const SoundShell sound = close_shell(shell);
+  ASSERT_THAT(sound.notes, ElementsAre(HasSubstr("turned 12 faces")));
+  ASSERT_THAT(shell_faults(sound.shell), IsEmpty());
+  EXPECT_NEAR(volume_mm3(voxelized({{Tissue::kOther, sound.shell}}, 0.1).solid, 0.1), 512 - 64, 1);
 }
 
 TEST(Shells, AHoleIsNamedWithItsPlace) {
@@ -234,20 +235,6 @@ TEST(Shells, AHoleIsNamedWithItsPlace) {
   const auto faults = shell_faults(shell);
   ASSERT_THAT(faults, ElementsAre(AllOf(HasSubstr("has a hole: 3 border edges"),
                                         HasSubstr("near (8.000, 5.333, 5.333) mm"))));
-  EXPECT_THAT(repair_shell(shell), IsEmpty()) << "a rim of 27 mm is not filled";
-  EXPECT_EQ(shell_faults(shell), faults);
-}
-
-TEST(Shells, RepairFillsASmallHole) {
-  Shell shell = ball(4, Vec3::Zero(), 5);  // edges of about 0.2 mm
-  const Vec3 gone = shell.points[shell.triangles[100][0]];
-  shell.triangles.erase(shell.triangles.begin() + 100);
-  shell = numbered(shell);
-  ASSERT_THAT(shell_faults(shell), ElementsAre(HasSubstr("3 border edges")));
-  ASSERT_THAT(repair_shell(shell), ElementsAre(HasSubstr("filled a hole of 3 edges near")));
-  EXPECT_THAT(shell_faults(shell), IsEmpty());
-  EXPECT_EQ(shell.triangles.size(), 8U * 1024);
-  EXPECT_NEAR(gone.norm(), 4, 1e-9);
 }
 
 TEST(Shells, AFlippedFaceIsNamedAndRepaired) {
@@ -255,16 +242,18 @@ TEST(Shells, AFlippedFaceIsNamedAndRepaired) {
   std::swap(shell.triangles[4][0], shell.triangles[4][1]);
   EXPECT_THAT(shell_faults(shell),
               ElementsAre(HasSubstr("face 5 at (2.667, 0.000, 2.667) mm is flipped")));
-  EXPECT_THAT(repair_shell(shell), ElementsAre("turned 1 flipped face"));
-  EXPECT_THAT(shell_faults(shell), IsEmpty());
+  const SoundShell sound = close_shell(shell);
+  EXPECT_THAT(sound.notes, ElementsAre(HasSubstr("turned 1 flipped face")));
+  EXPECT_THAT(shell_faults(sound.shell), IsEmpty());
 }
 
 TEST(Shells, InsideOutIsToldAndRepaired) {
   Shell shell = box({0, 0, 0}, {8, 8, 8});
   turn_inside_out(shell);
   EXPECT_THAT(shell_faults(shell), ElementsAre(HasSubstr("inside out")));
-  EXPECT_THAT(repair_shell(shell), ElementsAre(HasSubstr("turned 12 faces")));
-  EXPECT_THAT(shell_faults(shell), IsEmpty());
+  const SoundShell sound = close_shell(shell);
+  EXPECT_THAT(sound.notes, ElementsAre(HasSubstr("turned 12 faces")));
+  EXPECT_THAT(shell_faults(sound.shell), IsEmpty());
 }
 
 TEST(Shells, IntersectingFacesAreNamed) {
@@ -274,8 +263,8 @@ TEST(Shells, IntersectingFacesAreNamed) {
   ASSERT_EQ(faults.size(), 4U) << "three and the rest";
   EXPECT_THAT(faults[0], AllOf(HasSubstr("faces 3 and "), HasSubstr(" intersect at (")));
   EXPECT_THAT(faults[3], HasSubstr("more like it"));
-  static_cast<void>(repair_shell(shell));
-  EXPECT_FALSE(shell_faults(shell).empty()) << "which part is meant is not guessed";
+  EXPECT_THROW(static_cast<void>(close_shell(shell)), InputError)
+      << "which part is meant is not guessed";
 }
 
 TEST(Shells, FacesWithoutAreaOrGivenTwiceAreNamedAndRemoved) {
@@ -287,8 +276,9 @@ TEST(Shells, FacesWithoutAreaOrGivenTwiceAreNamedAndRemoved) {
   ASSERT_GE(faults.size(), 2U);
   EXPECT_THAT(faults[0], HasSubstr("face 13 at (5.333, 0.000, 0.000) mm has no area"));
   EXPECT_THAT(faults[1], AllOf(HasSubstr("face 14 at"), HasSubstr("is face 3 again")));
-  EXPECT_THAT(repair_shell(shell), ElementsAre("removed 2 faces without area or given twice"));
-  EXPECT_THAT(shell_faults(shell), IsEmpty());
+  const SoundShell sound = close_shell(shell);
+  EXPECT_THAT(sound.notes, ElementsAre("removed 2 faces without area or given twice"));
+  EXPECT_THAT(shell_faults(sound.shell), IsEmpty());
 }
 
 TEST(Shells, ANeedleWithoutAreaIsRemoved) {
@@ -302,8 +292,9 @@ TEST(Shells, ANeedleWithoutAreaIsRemoved) {
   shell = numbered(shell);
   EXPECT_THAT(shell_faults(shell),
               ElementsAre(HasSubstr("face 14 at (4.000, 0.000, 0.000) mm has no area")));
-  EXPECT_THAT(repair_shell(shell), ElementsAre("removed 1 face without area"));
-  EXPECT_THAT(shell_faults(shell), IsEmpty());
+  const SoundShell sound = close_shell(shell);
+  EXPECT_THAT(sound.notes, ElementsAre("removed 1 face without area"));
+  EXPECT_THAT(shell_faults(sound.shell), IsEmpty());
 }
 
 TEST(Shells, PartsThatTouchInOnePointAreFit) {

@@ -47,19 +47,35 @@ ItemFigures read_figures(const std::string& path, const std::vector<std::string>
   return figures;
 }
 
+std::string ItemRow::figure(const std::string& key) const {
+  for (const auto& [own, value] : figures)
+    if (own == key) return value;
+  return {};
+}
+
 std::string table_csv(const std::vector<ItemRow>& rows) {
-  std::vector<std::string> columns;
+  std::vector<std::string> first, columns;
+  for (const char* key : {"points_percent", "passed"})
+    if (std::any_of(rows.begin(), rows.end(),
+                    [&](const ItemRow& row) { return !row.figure(key).empty(); }))
+      first.emplace_back(key);
   std::map<std::string, std::size_t> place;
+  for (const std::string& key : first) place.emplace(key, 0);
   for (const ItemRow& row : rows)
     for (const auto& [key, value] : row.figures)
       if (place.emplace(key, columns.size()).second) columns.push_back(key);
-  std::string csv = "name,command,status,reason";
+  std::string csv = "name,status";
+  for (const std::string& key : first) csv += "," + key;
+  csv += ",command,reason";
   for (const std::string& column : columns) csv += "," + csv_cell(column);
   csv += '\n';
   for (const ItemRow& row : rows) {
+    csv += csv_cell(row.name) + "," + row.status;
+    for (const std::string& key : first) csv += "," + row.figure(key);
+    csv += "," + row.command + "," + csv_cell(row.reason);
     std::vector<std::string> cells(columns.size());
-    for (const auto& [key, value] : row.figures) cells[place[key]] = value;
-    csv += csv_cell(row.name) + "," + row.command + "," + row.status + "," + csv_cell(row.reason);
+    for (const auto& [key, value] : row.figures)
+      if (std::find(first.begin(), first.end(), key) == first.end()) cells[place[key]] = value;
     for (const std::string& cell : cells) csv += "," + cell;
     csv += '\n';
   }
@@ -72,10 +88,13 @@ std::string table_json(const std::vector<ItemRow>& rows, const std::string& vers
                {"schema_version", 1},
                {"toothprep_version", version},
                {"build", build}};
-  json["done"] = std::count_if(rows.begin(), rows.end(),
-                               [](const ItemRow& row) { return row.status == "done"; });
-  json["failed"] = std::count_if(rows.begin(), rows.end(),
-                                 [](const ItemRow& row) { return row.status == "failed"; });
+  const auto failed =
+      std::count_if(rows.begin(), rows.end(), [](const ItemRow& row) { return row.failed(); });
+  json["done"] = static_cast<std::ptrdiff_t>(rows.size()) - failed;
+  json["done_with_warning"] = std::count_if(rows.begin(), rows.end(), [](const ItemRow& row) {
+    return row.status == "done with warning";
+  });
+  json["failed"] = failed;
   json["items"] = Json::array();
   for (const ItemRow& row : rows) {
     Json item = {{"name", row.name}, {"command", row.command}, {"status", row.status}};

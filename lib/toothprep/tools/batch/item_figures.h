@@ -16,12 +16,17 @@ using ItemFigures = std::vector<std::pair<std::string, std::string>>;
 ItemFigures read_figures(const std::string& path, const std::vector<std::string>& unrepeatable);
 
 struct ItemRow {
-  std::string name, command, status, reason;  // status: "done" or "failed"
+  // status: "done", "done with warning" or "failed"; reason: of the failure, or the warnings
+  std::string name, command, status, reason;
   ItemFigures figures;
+
+  [[nodiscard]] bool failed() const { return status == "failed"; }
+  // The figure as it stands there; empty if it is none of the item's.
+  [[nodiscard]] std::string figure(const std::string& key) const;
 };
 
-// Rows in their order; columns name, command, status, reason, then the figures' keys as they are
-// first seen. Quoted as RFC 4180 has it. Both end up whole or not at all.
+// Rows in their order; columns name, status, of scores points_percent and passed, then command,
+// reason, and the other figures' keys as they are first seen. Quoted as RFC 4180 has it.
 std::string table_csv(const std::vector<ItemRow>& rows);
 std::string table_json(const std::vector<ItemRow>& rows, const std::string& version,
                        const std::string& build);

@@ -19,6 +19,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/tools/batch/index_page.h"
 #include "toothprep/tools/io/child_process.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
@@ -131,6 +132,22 @@ std::string last_line(const fs::path& log) {
   return last.rfind(name, 0) == 0 ? last.substr(name.size()) : last;
 }
 
+// "first warning", or "first warning (and 2 more)"; empty if the log has none.
+std::string warnings_of(const fs::path& log) {
+  const std::string beginning = "warning: ";
+  std::ifstream in(log, std::ios::binary);
+  std::string line, first;
+  int more = 0;
+  while (std::getline(in, line)) {
+    if (line.rfind(beginning, 0) != 0) continue;
+    if (first.empty())
+      first = line.substr(beginning.size(), 1000);
+    else
+      ++more;
+  }
+  return more > 0 ? first + " (and " + std::to_string(more) + " more)" : first;
+}
+
 // One item that runs.
 struct Running {
   std::size_t index = 0;
@@ -156,6 +173,7 @@ class Batch {
     Outputs tables(true);
     const std::string csv = tables.file((dir_ / "batch.csv").string(), {".csv"});
     const std::string json = tables.file((dir_ / "batch.json").string(), {".json"});
+    const std::string page = tables.file((dir_ / "index.html").string(), {".html"});
     tables.begin();
     BatchResult result;
     std::vector<ItemRow> rows(m_.items.size());
@@ -203,9 +221,9 @@ class Batch {
         any = true;
         const std::size_t i = running[r].index;
         ItemRow row = end(running[r], identities[i]);
-        const bool good = row.status == "done";
+        const std::string how = row.status;
         running.erase(running.begin() + static_cast<std::ptrdiff_t>(r));
-        finish(i, std::move(row), good ? "done" : "failed");
+        finish(i, std::move(row), how.c_str());
       }
       if (!any) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
@@ -219,6 +237,7 @@ class Batch {
     result.rows = std::move(rows);
     write_file(csv, table_csv(result.rows));
     write_file(json, table_json(result.rows, o_.version, o_.build));
+    write_file(page, index_page(result.rows, dir_.string(), o_.version));
     tables.publish();
     return result;
   }
@@ -265,7 +284,7 @@ class Batch {
     }
     const Json table = read_json(dir_ / "batch.json");
     const bool ours = table.is_object() && table.value("schema", "") == "toothprep-batch";
-    for (const char* name : {"batch.csv", "batch.json"})
+    for (const char* name : {"batch.csv", "batch.json", "index.html"})
       if (!ours && fs::exists(fs::symlink_status(dir_ / name, error)))
         refuse(dir_ / name, "was not written by a batch");
   }
@@ -302,8 +321,9 @@ class Batch {
   // The row of a finished item from its folder.
   ItemRow row_of(std::size_t i, const fs::path& folder) const {
     const BatchCommand& command = m_.commands[m_.items[i].command];
-    return {m_.items[i].name, command.name, "done", "",
-            read_figures((folder / command.result).string(), command.unrepeatable)};
+    const std::string warnings = warnings_of(folder / "log.txt");
+    return {m_.items[i].name, command.name, warnings.empty() ? "done" : "done with warning",
+            warnings, read_figures((folder / command.result).string(), command.unrepeatable)};
   }
 
   ItemRow end(const Running& r, const Json& identity) const {

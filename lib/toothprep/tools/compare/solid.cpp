@@ -13,19 +13,14 @@
 #include "toothprep/step/tooth/level_at.h"
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/mesh_files/mesh_file.h"
 #include "toothprep/tools/shells/shells.h"
 
 namespace toothprep {
 namespace {
 
 constexpr double kLongestEdgeVoxels = 2;
-
-std::string extension_of(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return extension;
-}
+constexpr double kBaseVoxels = 6;  // beyond a rim: more than the band of three on either side
 
 TriangleMesh mesh_of(const Shell& shell) {
   TriangleMesh mesh;
@@ -49,21 +44,19 @@ LayeredTooth voxels_of(Shell shell, double voxel) {
   }
 }
 
-Solid read_mesh_solid(const std::string& path, double voxel) {
-  Shell shell = read_shell(path);
-  const std::vector<std::string> faults = shell_faults(shell);
-  if (!faults.empty()) {
-    std::string all = faults[0];
-    for (std::size_t f = 1; f < faults.size(); ++f) all += "; " + faults[f];
-    throw InputError(path, "", "the mesh does not bound a solid: " + all,
-                     "close and repair it (a scan of the crown alone needs a base)");
-  }
+Solid read_mesh_solid(const std::string& path, double voxel, std::optional<double> mm_per_unit) {
+  ShellReading how;
+  how.mm_per_unit = mm_per_unit;
+  how.base_mm = std::max(1.0, kBaseVoxels * voxel);
+  SoundShell sound = read_sound_shell(path, how);
   Solid solid;
   solid.file = path;
   solid.sha256 = sha256_of_file(path);
   solid.layered = false;
-  solid.surface = with_short_edges(mesh_of(shell), kLongestEdgeVoxels * voxel);
-  solid.tooth = voxels_of(std::move(shell), voxel);
+  for (const std::string& note : sound.notes) solid.warnings.push_back(path + ": " + note);
+  solid.open_sides = std::move(sound.open_sides);
+  solid.surface = with_short_edges(mesh_of(sound.shell), kLongestEdgeVoxels * voxel);
+  solid.tooth = voxels_of(std::move(sound.shell), voxel);
   solid.tooth.provenance["source"] = path;
   return solid;
 }
@@ -155,6 +148,21 @@ LevelSet resampled(const LayeredTooth& source, const Pose& motion, const LevelSe
 
 Index3 index_offset(const Lattice& from, const Lattice& to) {  // voxel i of `from` is i + offset
   return to.to_index(from.origin).array().round().cast<int>();
+}
+
+std::vector<OpenSide> moved(std::vector<OpenSide> sides, const Pose& motion) {
+  for (OpenSide& side : sides) {
+    side.centre = motion.to_world(side.centre);
+    side.outward = motion.orientation * side.outward;
+    for (Vec3& p : side.rim) p = motion.to_world(p);
+  }
+  return sides;
+}
+
+// Beyond all of them; never if there is none.
+bool beyond(const std::vector<OpenSide>& sides, const Vec3& x) {
+  return !sides.empty() && std::all_of(sides.begin(), sides.end(),
+                                       [&](const OpenSide& side) { return side.beyond(x); });
 }
 
 double share_of_other_anatomy(const LabelGrid& original, const LabelGrid& own,
@@ -289,18 +297,20 @@ Solid solid_of(std::string name, LayeredTooth tooth) {
   return solid;
 }
 
-Solid read_solid(const std::string& path, double voxel) {
-  const std::string extension = extension_of(path);
+Solid read_solid(const std::string& path, double voxel, std::optional<double> mm_per_unit) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
   if (extension == ".vdb") {
     ToothReading reading = read_tooth_with_warnings(path);
     Solid solid = solid_of(path, std::move(reading.tooth));
     solid.warnings = std::move(reading.warnings);
     return solid;
   }
-  if (extension == ".stl" || extension == ".ply" || extension == ".obj" || extension == ".off") {
+  if (is_mesh_file(path)) {
     if (!(voxel > 0 && voxel <= 10))
       throw Error("the voxel size for a mesh must lie in (0, 10] mm");
-    return read_mesh_solid(path, voxel);
+    return read_mesh_solid(path, voxel, mm_per_unit);
   }
   throw InputError(path, "",
                    "a tooth is read from .vdb, .stl, .ply, .obj or .off, not '" + extension + "'");
@@ -330,13 +340,28 @@ Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion) 
     phi = copied(voxels, Index3::Zero(), onto.solid, band);
     whole = volume_mm3(voxels, onto.lattice.voxel);
   }
+  const std::vector<OpenSide> open_sides = moved(solid.open_sides, motion);
+  if (!open_sides.empty() || !original.open_sides.empty()) {
+    phi = filled(onto.solid, band, [&](const Index3& first, float* values) {
+      for (int v = 0; v < kBrickVoxels; ++v) {
+        const Index3 i = first + Index3(v >> 6, (v >> 3) & 7, v & 7);
+        const Vec3 x = onto.lattice.to_world(i);
+        const bool known = !beyond(open_sides, x) && !beyond(original.open_sides, x);
+        values[v] = (known ? phi : onto.solid).value(i.x(), i.y(), i.z());
+      }
+    });
+    whole = 0;  // a base may well reach beyond the box
+  }
   // Resampling alone changes a volume by some 0.02 %; only more than 0.1 % was beyond the box.
   const double missing = whole - volume_mm3(phi, onto.lattice.voxel);
   result.beyond_box_mm3 = missing > 1e-3 * whole ? missing : 0;
   result.tooth = onto;
   result.tooth.provenance = solid.tooth.provenance;
   apply_remaining_solid(result.tooth, std::move(phi));
-  if (!solid.layered) result.surface.tissue = tissue_of_vertices(result.surface, onto);
+  if (!open_sides.empty() || !original.open_sides.empty())
+    result.surface = extract_surface(result.tooth, SurfaceOf::kAll);
+  else if (!solid.layered)
+    result.surface.tissue = tissue_of_vertices(result.surface, onto);
   return result;
 }
 

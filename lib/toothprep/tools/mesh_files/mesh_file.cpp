@@ -10,6 +10,7 @@
 
 #include "toothprep/tools/io/input_file.h"
 #include "toothprep/tools/io/memory_limit.h"
+#include "toothprep/tools/mesh_files/gzip.h"
 #include "toothprep/tools/mesh_files/ply_file.h"
 #include "toothprep/tools/mesh_files/words.h"
 
@@ -118,19 +119,19 @@ std::uint64_t stl_size(std::string_view head) { return kStlHeader + 50 * stl_cou
 
 // A file that begins with "solid" is text, unless it is as long as a binary one would be: the
 // count of a text would be letters, more than 100 million. `head`: the file's first bytes.
-bool is_text_stl(const InputFile& file, std::string_view head) {
+bool is_text_stl(const std::string& path, std::uint64_t size, std::string_view head) {
   const bool says_text = lower(head.substr(0, 5)) == "solid";
   if (head.size() < kStlHeader) {
     if (says_text) return true;
-    throw InputError(file.path(), "", "is truncated: shorter than the header of a binary STL file");
+    throw InputError(path, "", "is truncated: shorter than the header of a binary STL file");
   }
   const std::uint64_t needed = stl_size(head);
-  if (file.size() < needed && !says_text)
-    throw InputError(file.path(), "",
+  if (size < needed && !says_text)
+    throw InputError(path, "",
                      "is truncated or no STL file: " + std::to_string(stl_count(head)) +
                          " triangles would take " + std::to_string(needed) + " bytes, it has " +
-                         std::to_string(file.size()));
-  return file.size() < needed;
+                         std::to_string(size));
+  return size < needed;
 }
 
 MeshFile read_binary_stl(const std::string& path, std::string_view bytes) {
@@ -159,26 +160,61 @@ struct Contents {
   std::uint64_t size;  // bytes of the file that count
 };
 
-// By extension and the first bytes, before the whole is read.
-Contents contents_of(const InputFile& file) {
-  const std::string& path = file.path();
-  const std::string extension = lower(std::filesystem::path(path).extension().string());
-  if (extension != ".stl" && extension != ".ply" && extension != ".obj" && extension != ".off")
-    throw InputError(path, "", "is none of .stl, .ply, .obj, .off");
-  if (file.size() == 0) throw InputError(path, "", "is empty");
-  std::string head(4096, '\0');
-  head.resize(file.read(0, head.size(), head.data()));
+// ".stl" of "x.stl" and "X.STL.gz".
+std::string extension_of(const std::string& path) {
+  std::filesystem::path name(path);
+  if (lower(name.extension().string()) == ".gz") name = name.stem();
+  return lower(name.extension().string());
+}
+
+bool is_gzipped(const std::string& path) {
+  return lower(std::filesystem::path(path).extension().string()) == ".gz";
+}
+
+// By extension, size and the first bytes, before the whole is read.
+Contents contents_of(const std::string& path, std::uint64_t size, std::string_view head) {
+  const std::string extension = extension_of(path);
+  if (size == 0) throw InputError(path, "", "is empty");
   if (extension == ".ply") {
     if (!head.starts_with("ply")) throw InputError(path, "", "is not a PLY file");
-    return {Kind::kPly, file.size()};
+    return {Kind::kPly, size};
   }
-  if (extension == ".stl" && !is_text_stl(file, head)) return {Kind::kBinaryStl, stl_size(head)};
+  if (extension == ".stl" && !is_text_stl(path, size, head))
+    return {Kind::kBinaryStl, stl_size(head)};
   if (head.find('\0') != std::string::npos)
     throw InputError(path, "", "is no text, as " + extension + " is");
   return {extension == ".stl"   ? Kind::kTextStl
           : extension == ".obj" ? Kind::kObj
                                 : Kind::kOff,
-          file.size()};
+          size};
+}
+
+struct Opened {
+  Kind kind;
+  std::string bytes;
+};
+
+Opened opened(const std::string& path) {
+  constexpr std::size_t kHead = 4096;
+  const InputFile file(path);
+  if (!is_mesh_file(path)) throw InputError(path, "", "is none of .stl, .ply, .obj, .off");
+  if (file.size() == 0) throw InputError(path, "", "is empty");
+  if (is_gzipped(path)) {
+    std::string bytes = inflated(file);
+    const Contents what = contents_of(path, bytes.size(), std::string_view(bytes).substr(0, kHead));
+    bytes.resize(what.size);
+    return {what.kind, std::move(bytes)};
+  }
+  std::string head(kHead, '\0');
+  head.resize(file.read(0, head.size(), head.data()));
+  const Contents what = contents_of(path, file.size(), head);
+  constexpr double kBytesPerByte = 3;  // the file's, and what is made of them
+  require_memory(path, "size", kBytesPerByte * static_cast<double>(what.size),
+                 "thin the mesh out first");
+  std::string bytes(what.size, '\0');
+  if (file.read(0, bytes.size(), bytes.data()) != bytes.size())
+    throw InputError(path, "", "can't be read");
+  return {what.kind, std::move(bytes)};
 }
 
 MeshFile read_as(Kind kind, const std::string& path, std::string_view bytes,
@@ -201,22 +237,21 @@ MeshFile read_as(Kind kind, const std::string& path, std::string_view bytes,
 }  // namespace
 }  // namespace mesh_files
 
+bool is_mesh_file(const std::string& path) {
+  const std::string extension = mesh_files::extension_of(path);
+  return extension == ".stl" || extension == ".ply" || extension == ".obj" || extension == ".off";
+}
+
 MeshFile read_mesh_file(const std::string& path, const std::vector<std::string>& wanted) {
   using mesh_files::Kind;
-  const InputFile file(path);
-  const auto [kind, size] = mesh_files::contents_of(file);
-  constexpr double kBytesPerByte = 3;  // the file's, and what is made of them
-  require_memory(path, "size", kBytesPerByte * static_cast<double>(size),
-                 "thin the mesh out first");
-  std::string bytes(size, '\0');
-  if (file.read(0, bytes.size(), bytes.data()) != bytes.size())
-    throw InputError(path, "", "can't be read");
+  const auto [kind, bytes] = mesh_files::opened(path);
   MeshFile mesh = mesh_files::read_as(kind, path, bytes, wanted);
   if (mesh.format.empty())
     mesh.format = kind == Kind::kTextStl     ? "stl, text"
                   : kind == Kind::kBinaryStl ? "stl, binary"
                   : kind == Kind::kObj       ? "obj"
                                              : "off";
+  if (mesh_files::is_gzipped(path)) mesh.format += ", gzip";
   return mesh;
 }
 

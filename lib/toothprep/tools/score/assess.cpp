@@ -166,7 +166,7 @@ Assessment assess(const AssessmentOptions& options) {
     if (options.progress) options.progress(stage, done);
   };
   progress("reading the teeth", 0.0);
-  result.original = read_solid(options.original, options.voxel);
+  result.original = read_solid(options.original, options.voxel, options.mm_per_unit);
   keep_warnings(result.original.warnings);
   const double voxel = result.original.tooth.lattice.voxel;
   const auto input = [&](const char* role, const std::string& file) {
@@ -175,7 +175,7 @@ Assessment assess(const AssessmentOptions& options) {
   input("original", options.original);
   input("prepared", options.prepared);
   double surface_tolerance_mm = 0;
-  const Solid prepared = read_solid(options.prepared, voxel);
+  const Solid prepared = read_solid(options.prepared, voxel, options.mm_per_unit);
   keep_warnings(prepared.warnings);
   const double coarser = std::max(voxel, prepared.tooth.lattice.voxel);
   progress("laying them on each other", 0.2);
@@ -184,7 +184,7 @@ Assessment assess(const AssessmentOptions& options) {
   if (!options.target.empty()) {
     input("target", options.target);
     Quantities unused;  // the score's residual is that of the prepared tooth
-    const Solid target = read_solid(options.target, voxel);
+    const Solid target = read_solid(options.target, voxel, options.mm_per_unit);
     keep_warnings(target.warnings);
     result.target = placed(target, result.original, options, "target", unused, sheet.notes,
                            surface_tolerance_mm);

@@ -29,9 +29,10 @@ struct AssessmentOptions {              // what the options of `toothprep score`
   std::optional<Rubric> rubric;         // absent: figures without points
   // Lays prepared and target on the original before anything is compared.
   bool register_teeth = false;
-  double voxel = 0.1;              // mm, for an original that is a mesh
-  PreparationOptions preparation;  // its type is overwritten
-  ProcessOptions process;          // of the recording
+  double voxel = 0.1;                 // mm, for an original that is a mesh
+  std::optional<double> mm_per_unit;  // of meshes; absent: mm
+  PreparationOptions preparation;     // its type is overwritten
+  ProcessOptions process;             // of the recording
   // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
 };

@@ -99,7 +99,7 @@ svg.plot .grid { stroke: var(--line); } .axis { stroke: var(--muted); stroke-wid
 .bar-left { fill: var(--bad); } .bar-taken { fill: var(--accent); }
 svg text.taken { fill: var(--accent); } svg text.left { fill: var(--bad); }
 .curve-force { fill: var(--force); stroke: var(--force); stroke-width: 1; stroke-linejoin: round; }
-.curve-felt { fill: var(--felt); stroke: var(--felt); stroke-width: 1; stroke-linejoin: round; }
+.curve-felt { fill: var(--felt); fill-opacity: .25; stroke: var(--felt); stroke-width: 1.2; stroke-linejoin: round; }
 .curve-power { fill: var(--power); fill-opacity: .45; stroke: var(--power); stroke-width: 1; stroke-linejoin: round; }
 .limit { stroke: var(--bad); stroke-width: 1.2; stroke-dasharray: 6 4; }
 svg text.limit-text { fill: var(--bad); paint-order: stroke; stroke: var(--card); stroke-width: 3px; }

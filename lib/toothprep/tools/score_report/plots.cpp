@@ -257,11 +257,11 @@ class TraceDrawing {
     draw_panel(force_, 4, "force, N");
     draw_panel(power_, 2, "grinding power, W (largest)");
     draw_envelope(
-        force_, [](const Column& c) { return c.felt_least; },
-        [](const Column& c) { return c.felt_most; }, "curve-felt");
-    draw_envelope(
         force_, [](const Column& c) { return c.force_least; },
         [](const Column& c) { return c.force_most; }, "curve-force");
+    draw_envelope(
+        force_, [](const Column& c) { return c.felt_least; },
+        [](const Column& c) { return c.felt_most; }, "curve-felt");
     draw_envelope(
         power_, [](const Column&) { return 0.0; }, [](const Column& c) { return c.power_most; },
         "curve-power");

@@ -19,7 +19,7 @@
 
 namespace toothprep {
 
-struct VoxelizeOptions {  // of scans; of labels `voxel` and the callbacks only
+struct VoxelizeOptions {  // of scans; of labels `voxel`, the tooth and the callbacks only
   double voxel = 0.1;     // mm, of the tooth
   // Grey values of the borders surroundings|dentin and dentin|enamel; automatic when absent.
   std::optional<std::array<double, 2>> thresholds;
@@ -29,6 +29,7 @@ struct VoxelizeOptions {  // of scans; of labels `voxel` and the callbacks only
   // Which one of several teeth: the n-th largest piece, or the one at a place (mm, W).
   int tooth = 1;
   std::optional<Vec3> tooth_at;  // wins over `tooth`
+  bool one_tooth = false;        // of labels: one of several; else everything named counts
   bool keep_greys = false;       // for the report's pictures
   // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
@@ -59,8 +60,10 @@ struct VoxelizeReport {
                                          VoxelizeReport* report = nullptr);
 
 // Labels to tooth. `tissues` maps label values to tissues; label values not named are air. Every
-// named voxel counts, floating pieces too: volumes are those of the labels. Throws Error if a label
-// of the map does not occur, or when the tooth would take more memory than there is.
+// named voxel counts, floating pieces too: volumes are those of the labels. With `one_tooth` only one
+// piece of enamel, dentin and pulp that hangs together by faces counts, and of `other` what lies
+// within 1 mm of its box; the notes list the teeth. Throws Error if a label of the map or that tooth
+// does not occur, or when the tooth would take more memory than there is.
 [[nodiscard]] LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
                                            const std::map<std::uint16_t, Tissue>& tissues,
                                            const VoxelizeOptions& options,

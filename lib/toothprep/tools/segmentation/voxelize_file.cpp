@@ -31,7 +31,8 @@ VoxelizedScan voxelized(const ScanJob& job, std::unique_ptr<ScanSource> scan) {
   } else {
     const ImageVolume<std::uint16_t> labels = read_labels(*scan);
     result.tooth = voxelize_labels(labels, job.tissues, job.how, &result.report);
-    result.report.notes = scan->notes();
+    const std::vector<std::string> of_scan = scan->notes();
+    result.report.notes.insert(result.report.notes.begin(), of_scan.begin(), of_scan.end());
   }
   return result;
 }

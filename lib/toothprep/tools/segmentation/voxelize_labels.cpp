@@ -4,6 +4,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
+#include "toothprep/tools/segmentation/label_teeth.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
@@ -224,15 +225,23 @@ ToothFields fields_of(Shares shares) {
 
 }  // namespace
 
-LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels, const NamedLabels& tissues,
+LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& all, const NamedLabels& tissues,
                              const VoxelizeOptions& options, VoxelizeReport* report) {
   const auto progress = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
   progress("finding the labels", 0);
   const TissueOf tissue_of = tissue_by_value(tissues);
-  const LabelSurvey seen = survey_of(labels, tissue_of);
+  LabelSurvey seen = survey_of(all, tissue_of);
   check_named(seen, tissues);
+  ImageVolume<std::uint16_t> one;
+  std::string note;
+  if (options.one_tooth) {
+    one = all;
+    note = keep_one_tooth(one, tissue_of, options);
+    seen = survey_of(one, tissue_of);
+  }
+  const ImageVolume<std::uint16_t>& labels = options.one_tooth ? one : all;
   const double blur = std::max(1.0, labels.spacing.maxCoeff() / options.voxel);
   const int margin = static_cast<int>(std::ceil(2 * blur)) + 4;
   const WorkBox box = box_around(labels, seen.low.cast<double>(), seen.high.cast<double>(),
@@ -254,6 +263,7 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels, const Nam
   LayeredTooth tooth = tooth_of(box, std::move(fields));
   progress("done", 1);
   if (report) *report = {};
+  if (report && !note.empty()) report->notes = {note};
   return tooth;
 }
 

@@ -21,11 +21,16 @@ void check_size(const std::string& path, const Shell& shell) {
     high = high.cwiseMax(p);
   }
   const double longest = (high - low).maxCoeff();
-  const std::string size = fmt::format("its longest side would be {:.4g} mm", longest);
-  if (longest > kLongest)
-    throw InputError(path, "", size, "coordinates must be mm; are these micrometres?");
-  if (longest < kShortest)
-    throw InputError(path, "", size, "coordinates must be mm; are these metres?");
+  if (longest > kLongest || longest < kShortest) {
+    const MeshUnit* unit = likely_mesh_unit(longest);
+    throw InputError(
+        path, "", fmt::format("its longest side would be {:.4g} mm", longest),
+        unit ? fmt::format("coordinates must be mm; in {} it would be {:.4g} mm: --length-unit {} "
+                           "of voxelize and score says so",
+                           unit->word, longest * unit->mm, unit->name)
+             : std::string("coordinates must be mm; --length-unit of voxelize and score says "
+                           "another unit"));
+  }
   if (std::max(low.cwiseAbs().maxCoeff(), high.cwiseAbs().maxCoeff()) > 1e5)
     throw InputError(path, "", "lies more than 100 m from the frame's zero");
 }
@@ -62,7 +67,25 @@ void add_triangles(std::vector<std::uint32_t>& corner, std::uint32_t face, Shell
 
 }  // namespace
 
-Shell read_shell(const std::string& path) {
+const std::vector<MeshUnit>& mesh_units() {
+  static const std::vector<MeshUnit> units = {{"mm", "millimetres", 1},
+                                              {"m", "metres", 1000},
+                                              {"um", "micrometres", 1e-3},
+                                              {"cm", "centimetres", 10},
+                                              {"in", "inches", 25.4}};
+  return units;
+}
+
+const MeshUnit* likely_mesh_unit(double longest) {
+  // A root's tip to a cusp: 15 to 30 mm; a crown's stump: 5; a jaw: 90.
+  constexpr double kLeast = 3, kMost = 120;
+  for (const MeshUnit& unit : mesh_units())
+    if (longest * unit.mm >= kLeast && longest * unit.mm <= kMost)
+      return unit.mm == 1 ? nullptr : &unit;
+  return nullptr;
+}
+
+Shell read_shell(const std::string& path, std::optional<double> mm_per_unit, bool any_size) {
   MeshFile mesh = read_mesh_file(path);
   if (mesh.ends.empty()) throw InputError(path, "", "holds no faces");
   Shell shell;
@@ -70,7 +93,7 @@ Shell read_shell(const std::string& path) {
   const std::size_t n = mesh.points.size();
   if (n >= kNone) throw InputError(path, "", "has too many points");
   for (std::size_t k = 0; k < n; ++k) {
-    mesh.points[k] += Vec3::Zero();
+    mesh.points[k] = mesh.points[k] * mm_per_unit.value_or(1) + Vec3::Zero();
     if (!mesh.points[k].allFinite())
       throw InputError(path, "point " + std::to_string(k + 1), "a coordinate is not finite");
   }
@@ -93,7 +116,7 @@ Shell read_shell(const std::string& path) {
     }
     add_triangles(corner, static_cast<std::uint32_t>(f + 1), shell);
   }
-  check_size(path, shell);
+  if (!any_size) check_size(path, shell);
   return shell;
 }
 

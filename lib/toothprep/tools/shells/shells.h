@@ -26,8 +26,8 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "toothprep/step/core/tissue.h"
@@ -42,22 +42,29 @@ struct Shell {                                          // a surface as read, wi
   std::vector<std::uint32_t> face;  // per triangle, the file's face, counted from 1
 };
 
-// By extension: .stl (text or binary), .ply, .obj, .off. Faces of more than three corners are cut
-// into triangles; equal points are merged. Throws InputError if it is unreadable, truncated or
-// empty, has a coordinate that is not finite, more than 20 million triangles, or a size that can't
-// be millimetres (box longer than 200 mm or shorter than 0.5 mm).
-[[nodiscard]] Shell read_shell(const std::string& path);
+// By extension: .stl (text or binary), .ply, .obj, .off, each also gzipped (.stl.gz). Faces of more
+// than three corners are cut into triangles; equal points are merged. Coordinates are mm unless
+// `mm_per_unit` says otherwise. Throws InputError if it is unreadable, truncated or empty, has a
+// coordinate that is not finite, more than 20 million triangles, or a size that can't be a tooth's
+// or a jaw's (box longer than 200 mm or shorter than 0.5 mm; not asked with `any_size`).
+[[nodiscard]] Shell read_shell(const std::string& path, std::optional<double> mm_per_unit = {},
+                               bool any_size = false);
+
+// The units that a mesh may be in: mm, m, um, cm, in.
+struct MeshUnit {
+  const char *name, *word;  // "um", "micrometres"
+  double mm;                // one of it
+};
+[[nodiscard]] const std::vector<MeshUnit>& mesh_units();
+
+// The unit in which a box of this longest side is that of teeth; null if it is mm or none fits.
+[[nodiscard]] const MeshUnit* likely_mesh_unit(double longest);
 
 // What keeps a shell from bounding a solid, one clause each with its place in mm: faces without
 // area or given twice, holes, edges of more than two faces, flipped faces, faces that intersect,
 // components turned inside out. Later checks need the earlier ones to pass. Empty: the shell is
 // fit.
 [[nodiscard]] std::vector<std::string> shell_faults(const Shell& shell);
-
-// Repairs what can be without guessing and says what it did: removes faces given twice or without
-// area, turns flipped faces, fills holes whose rim is shorter than 1 mm. Wider holes, edges of more
-// than two faces and intersections stay, for shell_faults() to find.
-[[nodiscard]] std::vector<std::string> repair_shell(Shell& shell);
 
 struct TissueShell {                // which tissue a shell bounds
   Tissue tissue = Tissue::kEnamel;  // not air
@@ -78,13 +85,5 @@ struct ShellOptions {  // of the tooth that is made
 [[nodiscard]] LayeredTooth voxelize_shells(const std::vector<TissueShell>& shells,
                                            const ShellOptions& options,
                                            std::vector<std::string>* notes = nullptr);
-
-// The tooth of the files, each of another tissue; `repair`: by repair_shell() where there are faults.
-// `notes` gets what was repaired too. Provenance gets source (the files' names) and source_sha256
-// (over the SHA-256 of each). Throws InputError for a shell with faults, as read_shell() and as
-// voxelize_shells() do.
-[[nodiscard]] LayeredTooth voxelize_shell_files(
-    const std::vector<std::pair<Tissue, std::string>>& files, bool repair,
-    const ShellOptions& options, std::vector<std::string>& notes);
 
 }  // namespace toothprep
