@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/segmentation/iso_distance.h"
@@ -82,6 +84,11 @@ float signed_as(bool positive, float value) {
 
 LayeredTooth tooth_of(const WorkBox& box, ToothFields fields) {
   const auto mm = static_cast<float>(box.lattice.voxel);
+  // What is far away is at the band's very end: single precision's 3 * 0.12 is not 0.36.
+  const auto band = static_cast<float>(kBandVoxels * box.lattice.voxel);
+  const auto distance = [&](float voxels) {
+    return std::abs(voxels) < kBand ? voxels * mm : std::copysign(band, voxels);
+  };
   const Field solid = iso_distance(box.size, fields.solid, kBand);
   Field().swap(fields.solid);
   std::array<Field, 3> tissue;
@@ -94,16 +101,16 @@ LayeredTooth tooth_of(const WorkBox& box, ToothFields fields) {
                               [&](const Index3& first, ToothSample* samples) {
                                 for (int v = 0; v < kBrickVoxels; ++v) {
                                   ToothSample& s = samples[v];
-                                  s.solid = kBand * mm;
-                                  s.tissue.fill(kBand * mm);
+                                  s.solid = band;
+                                  s.tissue.fill(band);
                                   s.label = Tissue::kAir;
                                   const Index3 i =
                                       first + Index3(v >> 6, (v >> 3) & 7, v & 7) - box.lower;
                                   if (i.minCoeff() < 0 || (box.size - i).minCoeff() <= 0) continue;
                                   const std::size_t o = box.offset(i.x(), i.y(), i.z());
-                                  s.solid = solid[o] * mm;
+                                  s.solid = distance(solid[o]);
                                   for (std::size_t k = 0; k < 3; ++k)
-                                    if (!tissue[k].empty()) s.tissue[k] = tissue[k][o] * mm;
+                                    if (!tissue[k].empty()) s.tissue[k] = distance(tissue[k][o]);
                                   if (s.solid < 0) s.label = static_cast<Tissue>(fields.label[o]);
                                 }
                               });
