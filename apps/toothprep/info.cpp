@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "frame_json.h"
 #include "strictness.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
@@ -67,6 +68,9 @@ void describe_tooth(const std::string& path, Json& info, Warnings& warnings) {
   info["bounds_mm"] = bounds(box.min, box.max);
   info["memory_bytes"] = memory_bytes(tooth);
   info["tooth_sha256"] = tooth_sha256(tooth);
+  const ToothFrame frame = recorded_frame(tooth.provenance);
+  info["frame"] = frame_text(frame);
+  put_frame(info, "frame_", frame);
   info["provenance"] = Json::object();
   for (const auto& [key, value] : tooth.provenance) info["provenance"][key] = value;
 }
@@ -363,7 +367,9 @@ void add_info(CLI::App& app, const Common&) {
   sub->footer(
       "Keys carry their unit. Always: schema, schema_version, file, file_sha256, kind. Besides:\n"
       "  tooth       voxel_mm, volume_mm3 (what remains, by tissue), solid_volume_mm3, bounds_mm\n"
-      "              ([min, max]), memory_bytes, tooth_sha256, provenance\n"
+      "              ([min, max]), memory_bytes, tooth_sha256, frame (a sentence) and frame_* (as "
+      "`orient\n"
+      "              --json` has it), provenance\n"
       "  trajectory  rows, start_s, duration_s, mean_rate_hz, handle_path_mm, bounds_mm,\n"
       "              has_measured_force\n"
       "  trace       as a trajectory, and peak_force_n (grinding), peak_device_force_n,\n"

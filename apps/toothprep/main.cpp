@@ -113,9 +113,9 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   for (const AddCommand add :
-       {add_specimen, add_voxelize, add_info, add_import, add_replay, add_export, add_mesh,
-        add_figures, add_live, add_recover, add_rig_check, add_calibrate, add_batch, add_render,
-        add_score, add_view, add_help, add_completion})
+       {add_specimen, add_voxelize, add_orient, add_info, add_import, add_replay, add_export,
+        add_mesh, add_figures, add_live, add_recover, add_rig_check, add_calibrate, add_batch,
+        add_render, add_score, add_view, add_help, add_completion})
     add(app, common);
   check_numbers(app);
   std::optional<tbb::global_control> limit;

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -78,6 +79,7 @@ struct Drawing {
   Picture finished(const Image& image, bool scale) const {
     Picture picture = picture_of(image);
     if (scale && !o.no_scale) draw_scale_bar(picture, image.camera.mm_per_pixel);
+    if (!o.no_scale) draw_triad(picture, image.camera, axes);
     return picture;
   }
 
@@ -128,6 +130,30 @@ void check(const Options& o) {
     throw InputError(o.output, "--before", "two teeth side by side are a .png");
 }
 
+// The tooth's, those given before those of the file.
+ToothAxes axes_of(const Options& o, const LayeredTooth* tooth) {
+  ToothFrame frame;
+  if (tooth) frame = recorded_frame(tooth->provenance);
+  if (!o.occlusal.empty())
+    frame.occlusal = recorded_frame({{"axis_occlusal", o.occlusal}}).occlusal;
+  if (!o.mesial.empty()) frame.mesial = recorded_frame({{"axis_mesial", o.mesial}}).mesial;
+  return axes_of_frame(frame);
+}
+
+// A side by its name is a side of the tooth; where the tooth's aren't known the picture shows
+// another.
+void say_what_is_made_up(const Options& o, const ToothAxes& axes, const Common& common) {
+  for (const std::string& name : {o.view, o.cut}) {
+    if (std::find(std::begin(kViewNames) + 1, std::end(kViewNames), name) == std::end(kViewNames))
+      continue;
+    const bool end_on = name == "occlusal" || name == "apical";
+    if (!axes.occlusal_known || (!end_on && !axes.mesial_known && !axes.buccal_known))
+      say(common, "note: where the tooth's " + std::string(end_on ? "occlusal" : name) +
+                      " side is isn't known, so +z is taken as occlusal and -y as mesial where "
+                      "nothing better is; `toothprep orient` finds or sets it");
+  }
+}
+
 void run(const Options& o, const Common& common) {
   check(o);
   const Fit fit = fit_of(o);
@@ -142,11 +168,8 @@ void run(const Options& o, const Common& common) {
   drawn.part.colour = o.colour == "tissue"      ? ColourBy::kTissue
                       : o.colour == "deviation" ? ColourBy::kDeviation
                                                 : ColourBy::kPlain;
-  std::map<std::string, std::string> known;
-  if (drawn.tooth) known = drawn.tooth->provenance;
-  if (!o.occlusal.empty()) known["axis_occlusal"] = o.occlusal;
-  if (!o.mesial.empty()) known["axis_mesial"] = o.mesial;
-  const ToothAxes axes = tooth_axes(known);
+  const ToothAxes axes = axes_of(o, drawn.tooth.get());
+  say_what_is_made_up(o, axes, common);
 
   Drawn ghost;
   std::vector<RenderPart> parts;
@@ -234,7 +257,8 @@ void add_render(CLI::App& app, const Common& common) {
   sub->add_option("--occlusal", o->occlusal,
                   "Occlusal direction X,Y,Z; default: the file's, or +z");
   sub->add_option("--mesial", o->mesial, "Mesial direction X,Y,Z; default: the file's, or -y");
-  sub->add_flag("--no-scale", o->no_scale, "Without scale bar and colour bar");
+  sub->add_flag("--no-scale", o->no_scale,
+                "Without scale bar, colour bar and the tooth's directions");
   add_strict(*sub, o->strict, "a tooth that another program changed");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(

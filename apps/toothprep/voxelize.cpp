@@ -14,6 +14,7 @@
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/mesh_files/mesh_file.h"
+#include "toothprep/tools/orientation/estimate_frame.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/scan_report.h"
 #include "toothprep/tools/segmentation/voxelize_file.h"
@@ -123,11 +124,12 @@ std::vector<std::pair<Tissue, std::string>> parse_meshes(const std::vector<std::
   return meshes;
 }
 
-// The file, a line on stderr, JSON on stdout.
-void finish(const LayeredTooth& tooth, const Options& options, const Common& common,
-            Outputs& outputs, const std::string& output,
-            std::chrono::steady_clock::time_point start, const std::vector<std::string>& notes,
-            const VoxelizeReport* grey_scan = nullptr) {
+// The file with the tooth's frame, lines on stderr, JSON on stdout.
+void finish(LayeredTooth& tooth, const Options& options, const Common& common, Outputs& outputs,
+            const std::string& output, std::chrono::steady_clock::time_point start,
+            const std::vector<std::string>& notes, const VoxelizeReport* grey_scan = nullptr) {
+  const ToothFrame frame = estimate_frame(tooth);
+  record_frame(frame, tooth.provenance);
   write_tooth(tooth, output);
   outputs.publish();
   const auto volumes = remaining_volumes_mm3(tooth);
@@ -137,6 +139,8 @@ void finish(const LayeredTooth& tooth, const Options& options, const Common& com
   for (int t = 0; t < kTissueCount; ++t)
     if (volumes[t] > 0) line += fmt::format(" {} {:.2f} mm3,", kTissueNames[t], volumes[t]);
   say(common, line + fmt::format(" voxel {:.4g} mm, {:.1f} s", options.voxel_mm, seconds));
+  say(common, "frame: " + frame_text(frame));
+  for (const std::string& note : frame.notes) say(common, note);
   if (options.json)
     std::cout << voxelize_json(tooth, options.output, seconds, notes, {kVersion, build_text()},
                                grey_scan);
@@ -171,7 +175,7 @@ void run_meshes(const Options& options, const Common& common) {
   how.progress = progress.report();
   how.announce = [&](const std::string& work) { say(common, work); };
   std::vector<std::string> notes;
-  const LayeredTooth tooth =
+  LayeredTooth tooth =
       bare ? voxelize_bare_shell(meshes[0].second, options.enamel_mm, reading, how, notes)
            : voxelize_shell_files(meshes, reading, how, notes);
   for (const auto& note : notes) warn(note);
@@ -224,7 +228,7 @@ void run_scan(const Options& options, const Common& common) {
   job.how.progress = progress.report();
   job.how.announce = [&](const std::string& work) { say(common, options.scan + ": " + work); };
   job.how.keep_greys = !report_folder.empty();
-  const auto [tooth, report] = voxelize_file(job);
+  auto [tooth, report] = voxelize_file(job);
   if (!report_folder.empty()) {
     write_scan_report(report_folder, tooth, report, kVersion, build_text());
     if (!run_script("plot-scan-report", {report_folder})) throw Error("plot-scan-report failed");

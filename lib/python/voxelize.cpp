@@ -6,6 +6,7 @@
 #include "options.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/orientation/estimate_frame.h"
 #include "toothprep/tools/segmentation/hounsfield.h"
 #include "toothprep/tools/segmentation/voxelize_file.h"
 #include "toothprep/tools/segmentation/voxelize_json.h"
@@ -74,6 +75,7 @@ py::tuple voxelize_scan_file(const py::dict& options, const std::string& presets
   run_long(progress, [&](Progress& p) {
     job.how.progress = [&](const std::string& stage, double done) { p.report(stage, done); };
     VoxelizedScan scan = voxelize_file(job);
+    record_frame(estimate_frame(scan.tooth), scan.tooth.provenance);
     for (const std::string& note : scan.report.notes) made.notes.push_back(job.path + ": " + note);
     made.json =
         voxelize_json(scan.tooth, {}, seconds_since(start), scan.report.notes,
@@ -98,6 +100,7 @@ py::tuple voxelize_meshes(const py::dict& meshes, double voxel_mm, bool repair,
     how.voxel = voxel_mm;
     how.progress = [&](const std::string& stage, double done) { p.report(stage, done); };
     LayeredTooth tooth = voxelize_shell_files(files, reading, how, made.notes);
+    record_frame(estimate_frame(tooth), tooth.provenance);
     made.json =
         voxelize_json(tooth, {}, seconds_since(start), made.notes, {kVersion, build_text()});
     made.tooth = std::make_shared<Tooth>(std::move(tooth));

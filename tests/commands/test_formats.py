@@ -33,6 +33,7 @@ PARSERS = {
     "data/batch/README.md": ["tools/batch"],
     "data/figures/README.md": ["proof/figures"],
     "data/scans/README.md": ["tools/segmentation"],
+    "data/scans/landmarks.md": ["tools/orientation"],
     "data/rig/FORMATS.md": ["tools/live", "tools/rig_check"],
     STAND_IN: ["proof/libhd_stand_in"],
 }
@@ -40,7 +41,7 @@ PARSERS = {
 MEMBER = r"(?:\.|->)(?:number|integer|boolean|text|choice|vector|vectors|numbers|table|tables|range)\(\s*\"(\w+)\""
 HELPER = (r"\b(?:require_positive|positive_or|finite_or|require_vector|words|positive|pair|quaternion|finite|take_count|"
           r"take_choice(?:<\w+>)?|read_range|border|text|check_table)\(\s*(?:\*?\w+,\s*)?\"(\w+)\"")
-EITHER = r"\bread_either\(\s*\*?\w+,\s*\"(\w+)\",\s*\"(\w+)\""
+EITHER = r"\b(?:read_either|side)\(\s*\*?\w+,\s*\"(\w+)\",\s*\"(\w+)\""
 
 
 def read(name):
@@ -226,6 +227,12 @@ class Examples(Tool):
     def run_parameters(self, text):
         self.assertGreater(self.replay("path.toml", "--params", self.write("params.toml", text))["contact_steps"], 0)
 
+    def run_landmarks(self, text):
+        self.ok("specimen", "molar", "--voxel-mm", "0.5", "-o", "molar.vdb", "--force")
+        frame = json.loads(self.ok("orient", "molar.vdb", "--anew", "--landmarks", self.write("marks.toml", text), "--json"))
+        self.assertEqual([frame[axis + "_source"] for axis in ("occlusal", "mesial", "buccal")], ["landmarks"] * 3)
+        self.assertGreater(frame["occlusal"][2], 0.99)
+
     def run_registration(self, text):
         self.session("--registration", self.write("registration.toml", text))
 
@@ -383,6 +390,14 @@ class Outputs(Tool):
             self.assert_documented(keys_of(info, ("provenance",)), "info --json", TISSUES)
             if name == "block.vdb":
                 self.assert_documented(info["provenance"], "Tooth files (.vdb)")
+
+    def test_orient(self):
+        self.ok("specimen", "molar", "--voxel-mm", "0.5", "-o", "molar.vdb", "--force")
+        result = json.loads(self.ok("orient", "molar.vdb", "--tooth-number", "36", "-o", "oriented.vdb", "--json", "--force"))
+        self.assert_documented(keys_of(result, ()), "orient --json")
+        info = json.loads(self.ok("info", "oriented.vdb", "--json"))
+        self.assert_documented(keys_of(info, ("provenance",)), "info --json", TISSUES)
+        self.assert_documented(info["provenance"], "Tooth files (.vdb)")
 
     def test_voxelize(self):
         self.ok("specimen", "scan", "-o", "scan.nrrd", "--spacing-mm", "0.4", "--force")

@@ -77,6 +77,7 @@ COMMANDS = {
                                ["truth.nrrd"], ("-o", "new.vdb", False)),
     "voxelize mesh": Command(["voxelize", "--mesh", "enamel=block.stl", "--voxel-mm", "0.2"], ["block.stl"],
                              ("-o", "new.vdb", False)),
+    "orient": Command(["orient", "block.vdb"], ["block.vdb"], ("-o", "new.vdb", False), ("--picture", "new.png", False)),
     "replay": Command(["replay", "--tooth", "block.vdb", *BUR, "--trajectory", "path.toml", "--params", "model.toml"],
                       ["block.vdb", "path.toml", "model.toml"], ("-o", "new.h5", False), ("--prepared", "new.vdb", False)),
     "export": Command(["export", "trace.h5"], ["trace.h5"], ("-o", "new.csv", False)),

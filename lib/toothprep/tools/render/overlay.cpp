@@ -31,6 +31,12 @@ constexpr Glyph kGlyphs[] = {
     {'.', 2, "0606"},
     {'-', 6, "0343"},
     {'+', 6, "0343|2125"},
+    {'A', 6, "062046|1434"},
+    {'B', 6, "06003041423303|3344453606"},
+    {'D', 6, "00204244260600"},
+    {'L', 6, "000646"},
+    {'M', 6, "0600234046"},
+    {'O', 6, "103041453616050110"},
     {'m', 8, "0206|0312223336|3342526366"},
     {' ', 3, ""},
 };
@@ -146,6 +152,54 @@ void draw_colour_bar(Picture& picture, double range_mm) {
     draw_text(picture, text, Point(right + 0.8 * height, y + 0.5 * height), height);
   }
   draw_text(picture, "mm", Point(left, top - height), height);
+}
+
+namespace {
+
+Point pixel_of(const Camera& camera, const Vec3& x) {
+  const Vec3 off = (x - camera.origin) / camera.mm_per_pixel;
+  return {0.5 * camera.width + off.dot(camera.right), 0.5 * camera.height - off.dot(camera.up)};
+}
+
+void draw_arrow_between(Picture& picture, const Point& from, const Point& to,
+                        std::string_view text) {
+  const double height = text_height(picture), width = std::max(1.5, picture.height / 400.0);
+  const Point along = to - from;
+  draw_stroke(picture, from, to, width);
+  const double length = along.norm();
+  const Point out = length > 1e-6 ? Point(along / length) : Point(0, -1);
+  if (length > 0.5 * height) {
+    const Point side(-out.y(), out.x());
+    for (const double way : {-1.0, 1.0})
+      draw_stroke(picture, to, to - 0.6 * height * out + way * 0.3 * height * side, width);
+  }
+  const Point middle = to + 1.1 * height * out;
+  draw_text(picture, text, middle + Point(-0.5 * text_width(text, height), 0.5 * height), height);
+}
+
+}  // namespace
+
+void draw_arrow(Picture& picture, const Camera& camera, const Vec3& from, const Vec3& to,
+                std::string_view text) {
+  draw_arrow_between(picture, pixel_of(camera, from), pixel_of(camera, to), text);
+}
+
+void draw_place(Picture& picture, const Camera& camera, const Vec3& at) {
+  const Point p = pixel_of(camera, at);
+  draw_stroke(picture, p, p, std::max(3.0, picture.height / 110.0));
+}
+
+void draw_triad(Picture& picture, const Camera& camera, const ToothAxes& axes) {
+  const double length = 3.5 * text_height(picture);
+  const Point corner(picture.width - 2.2 * length, 2.2 * length);
+  const auto arrow = [&](bool known, const Vec3& axis, std::string_view letter) {
+    if (!known) return;
+    const Point tip = corner + length * Point(axis.dot(camera.right), -axis.dot(camera.up));
+    draw_arrow_between(picture, corner, tip, letter);
+  };
+  arrow(axes.occlusal_known, axes.occlusal, "O");
+  arrow(axes.mesial_known, axes.mesial, "M");
+  arrow(axes.buccal_known, axes.buccal, "B");
 }
 
 }  // namespace toothprep

@@ -1,6 +1,8 @@
-// What is drawn over a finished picture, in the picture's own pixels: scale bar, colour bar. Its
-// digits are strokes, so no font is needed.
+// What is drawn over a finished picture: scale bar, colour bar, arrows with letters. Its digits and
+// letters are strokes, so no font is needed.
 #pragma once
+
+#include <string_view>
 
 #include "toothprep/tools/render/image.h"
 
@@ -12,5 +14,15 @@ void draw_scale_bar(Picture& picture, double mm_per_pixel);
 
 // The colours of the deviation from -range to range with numerals, mm; right.
 void draw_colour_bar(Picture& picture, double range_mm);
+
+// From one place to another (mm, W), with a head and, beyond it, a text of the letters A, B, D, L,
+// M, O and digits.
+void draw_arrow(Picture& picture, const Camera& camera, const Vec3& from, const Vec3& to,
+                std::string_view text);
+
+void draw_place(Picture& picture, const Camera& camera, const Vec3& at);  // a dot, `at` in W, mm
+
+// The directions that are known, as arrows O, M, B; upper right. Nothing if none is.
+void draw_triad(Picture& picture, const Camera& camera, const ToothAxes& axes);
 
 }  // namespace toothprep

@@ -34,16 +34,6 @@ Vec3 direction_of(const std::vector<double>& v, std::size_t first, const std::st
   return d.stableNormalized();
 }
 
-std::optional<Vec3> recorded_axis(const std::map<std::string, std::string>& provenance,
-                                  const std::string& key) {
-  const auto found = provenance.find(key);
-  if (found == provenance.end()) return std::nullopt;
-  const auto values = numbers(found->second, ',');
-  if (!values || values->size() != 3)
-    throw Error(key + ": '" + found->second + "' is not a direction 'x y z'");
-  return direction_of(*values, 0, key);
-}
-
 // The part of `axis` square to `to`, unit; nothing if they are (nearly) parallel.
 std::optional<Vec3> squared(const Vec3& axis, const Vec3& to) {
   const Vec3 across = axis - axis.dot(to) * to;
@@ -71,24 +61,30 @@ std::string name_list(std::size_t first) {
 }  // namespace
 
 ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance) {
-  const auto occlusal = recorded_axis(provenance, "axis_occlusal");
-  const auto mesial = recorded_axis(provenance, "axis_mesial");
-  const auto buccal = recorded_axis(provenance, "axis_buccal");
+  return axes_of_frame(recorded_frame(provenance));
+}
+
+ToothAxes axes_of_frame(const ToothFrame& frame) {
+  const auto direction = [](const FrameAxis& axis) {
+    return axis.known() ? std::optional(axis.direction) : std::nullopt;
+  };
+  const auto occlusal = direction(frame.occlusal), mesial = direction(frame.mesial),
+             buccal = direction(frame.buccal);
   ToothAxes axes;
   if (occlusal)
     axes.occlusal = *occlusal;
   else if (mesial && buccal)
     axes.occlusal = mesial->cross(*buccal).normalized();
   if (!axes.occlusal.allFinite() || axes.occlusal.norm() < 0.5)
-    throw Error("axis_mesial and axis_buccal are parallel");
+    throw Error("the mesial and the buccal direction are parallel");
   // Across the occlusal axis, mesial first; buccal keeps its side, whichever jaw it is of.
   std::optional<Vec3> across;
   if (mesial) {
     across = squared(*mesial, axes.occlusal);
-    if (!across) throw Error("axis_mesial and axis_occlusal are parallel");
+    if (!across) throw Error("the mesial and the occlusal direction are parallel");
   } else if (buccal) {
     const auto square = squared(*buccal, axes.occlusal);
-    if (!square) throw Error("axis_buccal and axis_occlusal are parallel");
+    if (!square) throw Error("the buccal and the occlusal direction are parallel");
     across = square->cross(axes.occlusal);
   } else {
     across = squared(-Vec3::UnitY(), axes.occlusal);
@@ -97,6 +93,9 @@ ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance) {
   axes.mesial = *across;
   axes.buccal = axes.occlusal.cross(axes.mesial);
   if (buccal && buccal->dot(axes.buccal) < 0) axes.buccal = -axes.buccal;
+  axes.occlusal_known = occlusal || (mesial && buccal);
+  axes.mesial_known = mesial.has_value();
+  axes.buccal_known = buccal.has_value();
   return axes;
 }
 

@@ -10,6 +10,7 @@
 
 #include "toothprep/step/core/geometry.h"
 #include "toothprep/tools/mesh/surface.h"
+#include "toothprep/tools/orientation/tooth_frame.h"
 
 namespace toothprep {
 
@@ -18,12 +19,13 @@ struct ToothAxes {
   Vec3 occlusal = Vec3::UnitZ();  // out of the mouth's bone
   Vec3 mesial = -Vec3::UnitY();   // along the arch to its middle
   Vec3 buccal = Vec3::UnitX();    // to the cheek
+  bool occlusal_known = false, mesial_known = false, buccal_known = false;  // else made up
 };
 
-// From a tooth's provenance: `axis_occlusal`, `axis_mesial`, `axis_buccal` as "x y z" of any
-// length. What is missing is made up: the crown to +z; mesial to -y (or what lies nearest to it
-// across the others). Throws Error for text that isn't three numbers, and for axes that are zero or
-// parallel.
+// From a tooth's frame, or from the one that its provenance holds. What isn't known is made up: the crown to +z; mesial to -y (or what lies nearest to it
+// across the others). Throws Error for metadata that are no directions (recorded_frame()), and for
+// axes that are parallel.
+[[nodiscard]] ToothAxes axes_of_frame(const ToothFrame& frame);
 [[nodiscard]] ToothAxes tooth_axes(const std::map<std::string, std::string>& provenance);
 
 struct View {                       // from where a tooth is seen
