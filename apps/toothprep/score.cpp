@@ -77,7 +77,8 @@ void run(Options o, const Common& common) {
   a.preparation.buccal = direction(o.buccal);
 
   Outputs outputs(o.force);
-  outputs.reads({a.original, a.prepared, a.target, a.trace, o.rubric});
+  outputs.reads({a.original, a.prepared, a.target, o.rubric});
+  outputs.reads(a.traces);
   const std::string output = outputs.file(o.output, {".json"});
   const std::string report = outputs.optional_folder(o.report);
   outputs.begin();
@@ -108,7 +109,11 @@ void add_score(CLI::App& app, const Common& common) {
   sub->add_option("--prepared", a.prepared,
                   "The tooth after: .vdb, or a mesh; an open scan is closed");
   sub->add_option("--target", a.target, "What it should have become: .vdb, or a mesh");
-  sub->add_option("--trace", a.trace, "Recording of the work (.h5): adds time, forces, stalls");
+  sub->add_option(
+         "--trace", a.traces,
+         "Recording of the work (.h5): adds time, forces, stalls; of several burs one each, "
+         "in the order of the work")
+      ->allow_extra_args(false);
   sub->add_option("-o,--output", o->output, "Figures and points to write (.json)");
   sub->add_option("--report", o->report,
                   "Folder to write: report.html (complete in itself), thumbnail.png, prepared.ply, "
@@ -123,11 +128,13 @@ void add_score(CLI::App& app, const Common& common) {
   const auto vector = [&](const char* name, std::vector<double>& value, const char* text) {
     sub->add_option(name, value, text)->delimiter(',')->expected(3);
   };
-  vector("--axis", o->axis,
-         "Occlusal direction X,Y,Z, out of the tooth; default: recorded in the tooth file, or "
-         "found");
-  vector("--mesial", o->mesial, "Mesial direction X,Y,Z; default: recorded, or unnamed");
-  vector("--buccal", o->buccal, "Buccal direction X,Y,Z; default: recorded, or unnamed");
+  vector(
+      "--axis", o->axis,
+      "Occlusal direction X,Y,Z, out of the tooth; default: the tooth's frame (`orient`), in its "
+      "file or estimated; where that isn't known it is guessed from the cut, and no verdict is "
+      "certain");
+  vector("--mesial", o->mesial, "Mesial direction X,Y,Z; default: the tooth's frame, or unnamed");
+  vector("--buccal", o->buccal, "Buccal direction X,Y,Z; default: the tooth's frame, or unnamed");
   sub->add_flag("--register", a.register_teeth,
                 "Lay prepared and target on the original first: they are in frames of their own");
   sub->add_option("--voxel-mm", a.voxel, "Voxel size for an original that is a mesh")

@@ -23,7 +23,8 @@ class Studio {
  public:
   explicit Studio(const Assessment& assessment) : assessment_(assessment) {
     const PreparationFrame& frame = assessment.preparation.frame;
-    axes_ = {frame.d, frame.u, frame.v};
+    axes_ = {frame.d,           frame.u,          frame.v, frame.axis_source != "found",
+             frame.sides_known, frame.sides_known};
     double reach = 1;  // mm, from the middle of the cut
     const std::vector<float> depth =
         depth_inside(assessment.preparation_surface, assessment.original.tooth);
@@ -68,6 +69,7 @@ class Studio {
     const Camera camera = fit_camera(view_of(view, axes_), renderer.meshes(), fit_);
     Picture picture = picture_of(renderer.render(camera, options_));
     draw_scale_bar(picture, camera.mm_per_pixel);
+    draw_triad(picture, camera, axes_);
     return picture;
   }
 
@@ -95,6 +97,7 @@ class Studio {
     const Camera camera = fit_camera(view, renderer.meshes(), fit_);
     Picture picture = picture_of(renderer.render(camera, options));
     draw_scale_bar(picture, camera.mm_per_pixel);
+    draw_triad(picture, camera, axes_);
     return picture;
   }
 

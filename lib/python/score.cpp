@@ -14,7 +14,7 @@ AssessmentOptions options_of(const py::dict& o) {
   a.original = taken<std::string>(o, "original");
   a.prepared = taken<std::string>(o, "prepared");
   a.target = taken<std::string>(o, "target");
-  a.trace = taken<std::string>(o, "trace");
+  if (const auto trace = taken<std::string>(o, "trace"); !trace.empty()) a.traces = {trace};
   if (!o["type"].is_none()) {
     using Types = std::array<std::pair<const char*, PreparationType>, 3>;
     a.type = choice_taken(o, "type",

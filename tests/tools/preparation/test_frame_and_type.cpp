@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <sstream>
 
 #include "toothprep/proof/specimen/cavity.h"
 #include "toothprep/step/core/errors.h"
@@ -144,6 +145,60 @@ TEST(FoundFrame, SaysThatTheTiltOfAClassTwoFloorSaysNothing) {
   EXPECT_NE(found.notes[0].find("tilt says nothing"), std::string::npos);
   EXPECT_NEAR(value_of(measured(make_cavity(cavity), PreparationType::kClass2), "floor_tilt_deg"),
               6, 0.1);
+}
+
+TEST(FoundFrame, IsUncertainAndSoIsEveryAngleToIt) {
+  const Preparation found = measured(bare(box()), PreparationType::kClass1),
+                    recorded = measured(make_cavity(box()), PreparationType::kClass1);
+  EXPECT_FALSE(found.frame.axis_known());
+  EXPECT_GE(found.frame.axis_uncertainty_deg, 20);
+  EXPECT_TRUE(recorded.frame.axis_known());
+  EXPECT_EQ(recorded.frame.axis_uncertainty_deg, 0);
+  const auto uncertainty = [](const Preparation& p, const char* key) {
+    return find_quantity(p.quantities, key)->uncertainty;
+  };
+  const double u = found.frame.axis_uncertainty_deg;
+  for (const char* key : {"floor_tilt_deg", "path_of_draw_tilt_deg"})
+    EXPECT_GE(uncertainty(found, key), u) << key;
+  // An axis off by u makes 2 mm look like 2 / cos(u).
+  const double depth = find_quantity(found.quantities, "depth_mm")->value;
+  EXPECT_GE(uncertainty(found, "depth_mm"), depth * (1 / std::cos(u * std::acos(-1.0) / 180) - 1));
+  // Opposing walls stand to each other as they do.
+  EXPECT_NEAR(uncertainty(found, "convergence_deg.mean"),
+              uncertainty(recorded, "convergence_deg.mean"), 0.2);
+}
+
+TEST(FoundFrame, ThatOfTheToothIsTakenWithItsUncertainty) {
+  const CavityOptions cavity = box();
+  CavitySpecimen specimen = bare(cavity);
+  const Vec3 d = cavity.pose.orientation * Vec3::UnitY();
+  std::ostringstream text;
+  text << d.x() << ' ' << d.y() << ' ' << d.z();
+  specimen.original.provenance["frame_occlusal"] = text.str();
+  specimen.original.provenance["frame_confidence"] = "occlusal 4.5 estimated; mesial not known";
+  const Preparation p = measured(specimen, PreparationOptions{});
+  EXPECT_EQ(p.frame.axis_source, "estimated");
+  EXPECT_EQ(p.frame.axis_uncertainty_deg, 4.5);
+  EXPECT_GE(find_quantity(p.quantities, "floor_tilt_deg")->uncertainty, 4.5);
+}
+
+// A box with upright walls in the middle of a block: what is left beside it is half the difference.
+TEST(RemainingWalls, AreWhatTheBlockLeaves) {
+  CavityOptions cavity = turned({});
+  cavity.size = Vec3(8, 5, 6);
+  cavity.length = 4.4;
+  cavity.width = 2.6;
+  const Preparation p = measured(make_cavity(cavity), PreparationType::kClass1);
+  EXPECT_NEAR(value_of(p, "marginal_ridge_mm.mesial"), (8 - 4.4) / 2, 0.05);
+  EXPECT_NEAR(value_of(p, "marginal_ridge_mm.distal"), (8 - 4.4) / 2, 0.05);
+  EXPECT_NEAR(value_of(p, "wall_thickness_min_mm"), (6 - 2.6) / 2, 0.05);
+  EXPECT_EQ(value_of(p, "breakthrough"), 0);
+  // A class II looked at as a class I has come out at the side; its other ridge stands.
+  const Preparation open = measured(make_cavity(class2()), PreparationType::kClass1);
+  EXPECT_EQ(value_of(open, "breakthrough"), 1);
+  const Preparation two = measured(make_cavity(class2()), PreparationType::kClass2);
+  EXPECT_TRUE(std::isfinite(value_of(two, "marginal_ridge_mm.distal")));
+  EXPECT_TRUE(std::isnan(value_of(two, "breakthrough")));
 }
 
 TEST(FoundFrame, WallsHaveNeutralNamesUntilTheSidesAreKnown) {

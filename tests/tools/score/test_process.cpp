@@ -56,6 +56,28 @@ TEST(Process, TimePathAndSpeed) {
   EXPECT_NEAR(r.figure("mean_feed_mm_s"), 0.5, 1e-12);
 }
 
+// Two burs, two recordings: sums add up, and the way from one's end to the other's start isn't one.
+TEST(Process, RecordingsOneAfterAnotherAddUp) {
+  MadeRecording first, second;
+  first.cut(1.0, 3);
+  first.step(2.0).removed_volume[0] = 0.5;
+  second.step(100);  // elsewhere
+  second.cut(0.5, 2);
+  second.step().removed_volume[0] = 0.25;
+  std::vector<StepRecord> rows;
+  append_recording(rows, first.rows());
+  const std::size_t start = append_recording(rows, second.rows());
+  EXPECT_EQ(start, first.rows().size());
+  EXPECT_NEAR(rows.back().removed_volume[0], 0.75, 1e-12);
+  const ProcessFigures both = process_figures(rows, {}, {start});
+  for (const char* key :
+       {"time_s", "path_mm", "cutting_time_s", "path_cutting_mm", "contact_time_s"})
+    EXPECT_NEAR(find_quantity(both.quantities, std::string("process.") + key)->value,
+                first.figure(key) + second.figure(key), 1e-12)
+        << key;
+  EXPECT_THROW(static_cast<void>(process_figures(rows, {})), Error) << "its time stands still";
+}
+
 TEST(Process, ContactIsAreaOrRemovalAndAStallIsContactWithoutCutting) {
   MadeRecording r;
   r.step();

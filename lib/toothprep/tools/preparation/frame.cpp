@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <sstream>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/tools/orientation/tooth_frame.h"
 #include "toothprep/tools/preparation/floors.h"
 
 namespace toothprep {
@@ -18,16 +18,6 @@ Vec3 direction(const Vec3& given, const char* name) {
   if (!given.allFinite() || !(given.norm() > 1e-9))
     throw Error(std::string("the ") + name + " direction must be three finite numbers, not all 0");
   return given.normalized();
-}
-
-// Of the tooth's metadata; what isn't three numbers there is as if it weren't there.
-std::optional<Vec3> recorded(const LayeredTooth& tooth, const std::string& key) {
-  const auto found = tooth.provenance.find(key);
-  if (found == tooth.provenance.end()) return {};
-  std::istringstream text(found->second);
-  Vec3 v;
-  if (!(text >> v.x() >> v.y() >> v.z()) || !v.allFinite() || !(v.norm() > 1e-9)) return {};
-  return v.normalized();
 }
 
 Vec3 across(const Vec3& x, const Vec3& d) { return x - x.dot(d) * d; }
@@ -84,6 +74,77 @@ Vec3 along_the_walls(const CutFacets& facets, const Vec3& d) {
 
 }  // namespace
 
+namespace {
+
+// An axis that only the cut tells of: preparations lean, and an opening on a slope leans with it.
+constexpr double kFoundUncertainty = 20, kMostUncertain = 45;  // degrees
+
+double degrees_between(const Vec3& a, const Vec3& b) {
+  return units::to_degree(std::acos(std::clamp(a.dot(b), -1.0, 1.0)));
+}
+
+// d and how well it is known, from the cut alone.
+void find_axis(PreparationFrame& frame, const Vec3& opening, const CutFacets& facets,
+               PreparationType type, std::vector<std::string>& notes) {
+  if (opening.isZero())
+    throw Error(
+        "no side of the tooth was opened, so its occlusal axis can't be found; give --axis "
+        "X,Y,Z");
+  frame.d = opening;
+  frame.axis_source = "found";
+  frame.axis_uncertainty_deg = kFoundUncertainty;
+  const std::vector<Floor> floors = find_floors(facets, frame, 0.2);
+  if (type == PreparationType::kClass2) {
+    if (!floors.empty()) frame.d = floors[0].plane.normal(frame);
+    notes.push_back(
+        "the occlusal axis was taken from the largest floor, so its tilt says nothing; give "
+        "--axis to judge it");
+    return;
+  }
+  if (!floors.empty())
+    frame.axis_uncertainty_deg =
+        std::clamp(2 * degrees_between(floors[0].plane.normal(frame), opening), kFoundUncertainty,
+                   kMostUncertain);
+  notes.push_back(
+      "the occlusal axis was found from the surface that was cut away; give --axis to judge "
+      "angles against the tooth's own");
+}
+
+void find_sides(PreparationFrame& frame, const ToothFrame& tooth, const CutFacets& facets,
+                const PreparationOptions& options, std::vector<std::string>& notes) {
+  const auto side = [](const std::optional<Vec3>& given, const FrameAxis& recorded,
+                       const char* name) -> std::optional<Vec3> {
+    if (given) return direction(*given, name);
+    return recorded.known() ? std::optional(recorded.direction) : std::nullopt;
+  };
+  const auto mesial = side(options.mesial, tooth.mesial, "mesial");
+  const auto buccal = side(options.buccal, tooth.buccal, "buccal");
+  frame.sides_known = mesial && buccal;
+  if (mesial) {
+    frame.u = sideways(*mesial, frame.d, "mesial");
+    frame.v = frame.d.cross(frame.u);
+    if (buccal) {
+      const Vec3 out = sideways(*buccal, frame.d, "buccal");
+      if (std::abs(out.dot(frame.u)) > 0.94)
+        throw Error("the mesial and the buccal direction are parallel; give two across each other");
+      if (out.dot(frame.v) < 0) frame.v = -frame.v;
+    }
+    if (buccal) return;
+  } else {
+    frame.u = along_the_walls(facets, frame.d);
+    frame.v = frame.d.cross(frame.u);
+    if (buccal) {
+      frame.v = sideways(*buccal, frame.d, "buccal");
+      frame.u = frame.v.cross(frame.d);
+    }
+  }
+  notes.push_back(
+      "which side is mesial and which buccal isn't known, so walls are named u_plus, u_minus "
+      "(along the form), v_plus, v_minus; give --mesial and --buccal X,Y,Z to name them");
+}
+
+}  // namespace
+
 PreparationFrame find_frame(const LayeredTooth& original, const TriangleMesh& original_surface,
                             const std::vector<float>& height_above_prepared,
                             const CutFacets& facets, const PreparationOptions& options,
@@ -97,66 +158,28 @@ PreparationFrame find_frame(const LayeredTooth& original, const TriangleMesh& or
   frame.origin /= area;
 
   const Vec3 opening = mean_normal_cut_away(original_surface, height_above_prepared, tolerance);
+  const ToothFrame tooth = recorded_frame(original.provenance);
   if (options.occlusal) {
     frame.d = direction(*options.occlusal, "occlusal");
     frame.axis_source = "given";
-  } else if (const auto axis = recorded(original, "axis_occlusal")) {
-    frame.d = *axis;
-    frame.axis_source = "recorded";
+  } else if (tooth.occlusal.known()) {
+    frame.d = tooth.occlusal.direction;
+    frame.axis_uncertainty_deg = tooth.occlusal.uncertainty_deg;
+    // What a person gave to `orient` is in the file now.
+    frame.axis_source = tooth.occlusal.source == AxisSource::kGiven
+                            ? "recorded"
+                            : std::string(name_of(tooth.occlusal.source));
   } else {
-    if (opening.isZero())
-      throw Error(
-          "no side of the tooth was opened, so its occlusal axis can't be found; give --axis "
-          "X,Y,Z");
-    frame.d = opening;
-    frame.axis_source = "found";
-    if (options.type == PreparationType::kClass2) {
-      const std::vector<Floor> floors = find_floors(facets, frame, 0.2);
-      if (!floors.empty()) frame.d = floors[0].plane.normal(frame);
-      notes.push_back(
-          "the occlusal axis was taken from the largest floor, so its tilt says nothing; give "
-          "--axis to judge it");
-    } else {
-      notes.push_back(
-          "the occlusal axis was found from the surface that was cut away; give --axis to judge "
-          "angles against the tooth's own");
-    }
+    find_axis(frame, opening, facets, options.type, notes);
   }
 
   // A box that is open at the side, too, leans by 45 degrees and more, but nothing sound by 80.
-  if (!opening.isZero() && opening.dot(frame.d) < std::cos(units::from_degree(80))) {
+  if (!opening.isZero() && opening.dot(frame.d) < std::cos(units::from_degree(80)))
     notes.push_back(
         fmt::format("the occlusal axis {} is {:.0f} degrees off the direction in which the tooth "
                     "was opened; is it right?",
-                    frame.axis_source,
-                    units::to_degree(std::acos(std::clamp(opening.dot(frame.d), -1.0, 1.0)))));
-  }
-
-  const auto mesial = options.mesial ? std::optional(direction(*options.mesial, "mesial"))
-                                     : recorded(original, "axis_mesial");
-  const auto buccal = options.buccal ? std::optional(direction(*options.buccal, "buccal"))
-                                     : recorded(original, "axis_buccal");
-  frame.sides_known = mesial && buccal;
-  if (mesial) {
-    frame.u = sideways(*mesial, frame.d, "mesial");
-    frame.v = frame.d.cross(frame.u);
-    if (buccal) {
-      const Vec3 side = sideways(*buccal, frame.d, "buccal");
-      if (std::abs(side.dot(frame.u)) > 0.94)
-        throw Error("the mesial and the buccal direction are parallel; give two across each other");
-      if (side.dot(frame.v) < 0) frame.v = -frame.v;
-    }
-  } else {
-    frame.u = along_the_walls(facets, frame.d);
-    frame.v = frame.d.cross(frame.u);
-    if (buccal) {
-      frame.v = sideways(*buccal, frame.d, "buccal");
-      frame.u = frame.v.cross(frame.d);
-    }
-    notes.push_back(
-        "which side is mesial and which buccal isn't known, so walls are named u_plus, u_minus "
-        "(along the form), v_plus, v_minus; give --mesial and --buccal X,Y,Z to name them");
-  }
+                    frame.axis_source, degrees_between(opening, frame.d)));
+  find_sides(frame, tooth, facets, options, notes);
   return frame;
 }
 

@@ -6,8 +6,8 @@
 
 namespace toothprep {
 
-// The frame of a preparation. What isn't given in `options` is read from the original's metadata,
-// else found:
+// The frame of a preparation. What isn't given in `options` is read from the original's frame in its
+// metadata, else found, to 20° or worse:
 //   d   the mean, by area, of the original surface's normals where that surface was cut away. For
 //       class II, where the proximal surface went too, the normal of the largest floor within 45°
 //       of it. The floor's tilt then says nothing, and a note says so.

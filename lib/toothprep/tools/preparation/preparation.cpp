@@ -161,6 +161,44 @@ void add_floor(Bench& bench, const Floor& floor, const std::string& prefix) {
   bench.add(prefix + "floor_tilt_deg", floor.plane.tilt_deg(), uncertainty, "deg");
 }
 
+// What is left around a cavity: ridges towards the neighbours, and the thinnest wall.
+void add_remaining_walls(Bench& bench, const std::vector<WallFacet>& walls) {
+  const PreparationFrame& frame = bench.frame();
+  const double off = bench.voxel();  // into the tooth, off the wall that the way starts from
+  std::array<Weighted, 4> ridges;
+  Weighted thickness;
+  for (const WallFacet& w : walls) {
+    const Facet& f = bench.facets[w.facet];
+    const double at = w.foot / (w.foot + w.rim);
+    if (at < 1.0 / 3 || !w.plain) continue;
+    const bool along = w.side == Side::kMesial || w.side == Side::kDistal;
+    const Vec3 out = outward(w.side, frame);
+    if (along && at > 2.0 / 3)
+      if (const auto hit = bench.original_tree.first_hit(f.centroid, out))
+        ridges[static_cast<std::size_t>(w.side)].add(hit->distance, f.area);
+    const Vec3 into = -(f.normal - f.normal.dot(frame.d) * frame.d).normalized();
+    if (at < 2.0 / 3)
+      if (const auto hit = bench.tree.first_hit(f.centroid + off * into, into))
+        thickness.add(hit->distance + off, f.area);
+  }
+  for (const Side side : {Side::kMesial, Side::kDistal})
+    bench.add_length("marginal_ridge_mm." + side_name(side, frame),
+                     ridges[static_cast<std::size_t>(side)].quantile(0.05));
+  bench.add_length("wall_thickness_min_mm", thickness.quantile(0.02));
+}
+
+// Whether a class I cavity comes out at the tooth's side: a finish line of 1 mm and more in all
+// where the original's surface is within 10° of upright.
+void add_breakthrough(Bench& bench) {
+  double length = 0;
+  for (const FinishSegment& s : bench.facets.finish_line()) {
+    const auto nearest = bench.original_tree.nearest(s.middle);
+    if (bench.original_tree.normal(nearest.triangle).dot(bench.frame().d) < std::sin(10 * kDegree))
+      length += s.length;
+  }
+  bench.add("breakthrough", length > 1 ? 1 : 0, NAN, "yes/no");
+}
+
 // Depth, floor, walls and widths of a cavity, or of the occlusal part of a class II.
 // Returns the median depth.
 double measure_cavity(Bench& bench, const Floor& floor, const std::vector<WallFacet>& walls) {
@@ -390,6 +428,36 @@ void measure_pulp(Bench& bench) {
   bench.add("pulp_exposed", *least < -bench.voxel() / 4 ? 1 : 0, NAN, "yes/no");
 }
 
+// ---- How well the axis is known
+
+// Angles between walls that face each other don't depend on the axis, nor do distances between
+// surfaces.
+bool depends_on_axis(const Quantity& q) {
+  if (q.unit == "deg") return !q.key.starts_with("convergence_deg");
+  if (q.unit != "mm") return false;
+  for (const char* free : {"floor_flatness_mm", "gingival_floor_flatness_mm", "undercut_max_mm",
+                           "remaining_dentin_min_mm", "surface_roughness_mm",
+                           "line_angle_radius_mm", "box_clearance_mm"})
+    if (q.key == free) return false;
+  return true;
+}
+
+void widen_by_axis(Bench& bench) {
+  const double axis = bench.frame().axis_uncertainty_deg;
+  if (!(axis > 0)) return;
+  const Quantity* height = find_quantity(bench.result.quantities, "wall_height_mm");
+  const double lean = height ? height->value * std::sin(axis * kDegree) : 0;
+  for (Quantity& q : bench.result.quantities) {
+    if (!depends_on_axis(q)) continue;
+    const double own = std::isfinite(q.uncertainty) ? q.uncertainty : 0;
+    const double more = q.unit == "deg" ? axis
+                        : q.key == "undercut_along_axis_mm"
+                            ? lean
+                            : q.value * (1 / std::cos(axis * kDegree) - 1);
+    q.uncertainty = std::hypot(own, more);
+  }
+}
+
 // ---- Drawings
 
 // Marks of the walls that stand in a section's plane, and the dimension between them.
@@ -603,9 +671,12 @@ Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth
       break;
     case PreparationType::kClass1:
       measure_cavity(bench, bench.floors[0], bench.walls);
+      add_remaining_walls(bench, bench.walls);
+      add_breakthrough(bench);
       break;
     case PreparationType::kClass2:
       measure_class2(bench);
+      add_remaining_walls(bench, bench.walls);
       break;
   }
   measure_draw(bench);
@@ -613,6 +684,7 @@ Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth
   bench.add("surface_roughness_mm", surface_roughness(facets), NAN, "mm");
   bench.add("line_angle_radius_mm",
             line_angle_radius(facets, bench.walls, bench.floors, bench.frame(), tree), voxel, "mm");
+  widen_by_axis(bench);
   TriangleMesh target_surface;
   if (target) target_surface = extract_surface(*target, SurfaceOf::kAll);
   draw_sections(bench, target ? &target_surface : nullptr);

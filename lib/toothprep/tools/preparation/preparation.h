@@ -11,6 +11,9 @@
 // et al., J Prosthet Dent 2001;85:363-376): the rounded line angles at both ends don't count. An
 // area-weighted mean of normals depends on a patch's rim only, so roughness doesn't tilt a wall.
 //
+// An axis that is known to some degrees only makes every angle to it, and every length along or
+// across it, as uncertain: the axis's uncertainty u enters angles as it is, lengths by 1/cos(u) - 1.
+//
 // Every figure's exact definition stands with its key in tools/score/DEFINITIONS.md; uncertainties are
 // D/2 for lengths and atan(D / height) for a wall's angle (D the voxel size), which is what a scan
 // allows, not the arithmetic: on exact surfaces the errors are far smaller (README.md).
@@ -35,8 +38,8 @@ constexpr std::array<std::string_view, 3> kPreparationTypes = {"crown", "class1"
 
 struct PreparationOptions {                         // what is measured, and from where
   PreparationType type = PreparationType::kClass1;  // what figures there are
-  // Directions in W, any length. What isn't given is read from the original's metadata
-  // (`axis_occlusal`, `axis_mesial`, `axis_buccal`: "x y z"), or else found from the cut.
+  // Directions in W, any length. What isn't given is read from the frame in the original's metadata
+  // (recorded_frame()), or else found from the cut.
   std::optional<Vec3> occlusal, mesial, buccal;
   // An undercut shallower than this is ignored, mm. Scans and burs leave ripples that a bare test
   // of normals takes for undercuts.
@@ -55,9 +58,12 @@ struct PreparationOptions {                         // what is measured, and fro
 struct PreparationFrame {      // the form's own directions
   Vec3 origin = Vec3::Zero();  // mm, W: the middle of the cut surface
   Vec3 u = Vec3::UnitX(), v = Vec3::UnitY(), d = Vec3::UnitZ();  // unit, W
-  std::string axis_source;   // of d: "given", "recorded" or "found"
-  bool sides_known = false;  // u is mesial and v buccal, not just u and v
+  // Of d: "given", by the tooth's frame "recorded", "landmarks" or "estimated", or "found" in the cut
+  std::string axis_source;
+  double axis_uncertainty_deg = 0;  // of d: half width of the 95 % interval
+  bool sides_known = false;         // u is mesial and v buccal, not just u and v
 
+  bool axis_known() const { return axis_source != "found"; }  // from the tooth, not from the cut
   double along_u(const Vec3& x) const { return (x - origin).dot(u); }  // mm, of a place in W
   double along_v(const Vec3& x) const { return (x - origin).dot(v); }  // the same
   double height(const Vec3& x) const { return (x - origin).dot(d); }   // the same, along d

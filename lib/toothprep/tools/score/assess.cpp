@@ -10,6 +10,7 @@
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/compare/cut_surface.h"
+#include "toothprep/tools/orientation/estimate_frame.h"
 
 namespace toothprep {
 namespace {
@@ -129,18 +130,44 @@ PreparationType choose_type(const AssessmentOptions& options, const Assessment& 
   return type;
 }
 
-// The recording and its figures; returns what is implausible in it.
+// The recordings and their figures; returns what is implausible in them.
 std::vector<std::string> add_process(const AssessmentOptions& options, Assessment& result,
                                      Quantities& quantities) {
-  result.trace = read_trace(options.trace);
-  if (!result.trace->tooth_sha256.empty() &&
-      result.trace->tooth_sha256 != tooth_sha256(result.original.tooth))
-    result.sheet.notes.push_back(options.trace +
-                                 ": was recorded on another tooth than the original given here");
-  result.process = process_figures(result.trace->rows, options.process);
+  std::vector<std::size_t> starts;
+  std::vector<std::string> warnings;
+  for (const std::string& file : options.traces) {
+    Trace trace = read_trace(file);
+    for (const std::string& warning : judge_trace(file, trace)) warnings.push_back(warning);
+    if (result.trace) {  // made on what the one before left
+      starts.push_back(append_recording(result.trace->rows, trace.rows));
+      continue;
+    }
+    if (!trace.tooth_sha256.empty() && trace.tooth_sha256 != tooth_sha256(result.original.tooth))
+      result.sheet.notes.push_back(file +
+                                   ": was recorded on another tooth than the original given here");
+    result.trace = std::move(trace);
+  }
+  result.process = process_figures(result.trace->rows, options.process, starts);
   quantities.insert(quantities.end(), result.process->quantities.begin(),
                     result.process->quantities.end());
-  return judge_trace(options.trace, *result.trace);
+  return warnings;
+}
+
+// The tooth's own frame, where its file has none.
+void find_tooth_frame(LayeredTooth& tooth) {
+  const ToothFrame recorded = recorded_frame(tooth.provenance);
+  if (recorded.occlusal.known() || tooth.provenance.contains("frame_confidence")) return;
+  record_frame(estimate_frame(tooth, known_axes(recorded)), tooth.provenance);
+}
+
+// What was measured against an axis that isn't the tooth's can't be certain.
+void judge_sheet(const Rubric& rubric, ScoreSheet& sheet) {
+  sheet.result = judge(rubric, sheet.quantities);
+  if (sheet.axis_known || !sheet.result->certain) return;
+  sheet.result->certain = false;
+  sheet.result->notes.push_back(
+      "the verdict is not certain: the tooth's occlusal axis is not known, only guessed from the "
+      "cut; give --axis, or a tooth with its frame (`toothprep orient`)");
 }
 
 }  // namespace
@@ -155,9 +182,9 @@ Assessment assess(const AssessmentOptions& options) {
                 std::string(kPreparationTypes[static_cast<std::size_t>(*options.type)]) +
                 "; choose another rubric");
 
-  for (const std::string* file :
-       {&options.original, &options.prepared, &options.target, &options.trace})
+  for (const std::string* file : {&options.original, &options.prepared, &options.target})
     if (!file->empty()) regular_file_size(*file);  // before any work
+  for (const std::string& file : options.traces) regular_file_size(file);
 
   const auto keep_warnings = [&](const std::vector<std::string>& warnings) {
     sheet.warnings.insert(sheet.warnings.end(), warnings.begin(), warnings.end());
@@ -168,6 +195,7 @@ Assessment assess(const AssessmentOptions& options) {
   progress("reading the teeth", 0.0);
   result.original = read_solid(options.original, options.voxel, options.mm_per_unit);
   keep_warnings(result.original.warnings);
+  find_tooth_frame(result.original.tooth);
   const double voxel = result.original.tooth.lattice.voxel;
   const auto input = [&](const char* role, const std::string& file) {
     sheet.inputs.push_back({role, file, sha256_of_file(file)});
@@ -222,17 +250,18 @@ Assessment assess(const AssessmentOptions& options) {
   }
   sheet.axis = result.preparation.frame.d;
   sheet.axis_from = result.preparation.frame.axis_source;
+  sheet.axis_known = result.preparation.frame.axis_known();
+  sheet.axis_uncertainty_deg = result.preparation.frame.axis_uncertainty_deg;
   sheet.voxel_mm = coarser;
   sheet.notes.insert(sheet.notes.end(), result.preparation.notes.begin(),
                      result.preparation.notes.end());
 
-  if (!options.trace.empty()) {
-    input("trace", options.trace);
-    keep_warnings(add_process(options, result, quantities));
-  }
+  for (std::size_t n = 0; n < options.traces.size(); ++n)
+    input(n == 0 ? "trace" : fmt::format("trace_{}", n + 1).c_str(), options.traces[n]);
+  if (!options.traces.empty()) keep_warnings(add_process(options, result, quantities));
 
   sheet.quantities = std::move(quantities);
-  if (options.rubric) sheet.result = judge(*options.rubric, sheet.quantities);
+  if (options.rubric) judge_sheet(*options.rubric, sheet);
   progress("done", 1.0);
   return result;
 }
@@ -250,7 +279,7 @@ Assessment assess_by_rubric(AssessmentOptions options, const std::string& rubric
   ScoreSheet& sheet = assessment.sheet;
   if (file.empty()) {  // the type had to be found
     file = shipped(sheet.type);
-    sheet.result = judge(read_rubric(file), sheet.quantities);
+    judge_sheet(read_rubric(file), sheet);
   }
   if (file != "none")
     sheet.inputs.push_back({"rubric",

@@ -24,7 +24,8 @@ namespace toothprep {
 
 struct AssessmentOptions {              // what the options of `toothprep score` say
   std::string original, prepared;       // files: .vdb, or closed meshes
-  std::string target, trace;            // files; empty: none
+  std::string target;                   // a file; empty: none
+  std::vector<std::string> traces;      // files, in the order of the work: one per bur
   std::optional<PreparationType> type;  // absent: the rubric's, or else found
   std::optional<Rubric> rubric;         // absent: figures without points
   // Lays prepared and target on the original before anything is compared.
@@ -43,7 +44,7 @@ struct Assessment {                       // everything that was measured
   std::optional<Deviation> deviation;     // of prepared.surface; with a target
   Preparation preparation;                // floors, walls, margin, ...
   TriangleMesh preparation_surface;       // on which it was measured
-  std::optional<Trace> trace;             // with a recording
+  std::optional<Trace> trace;             // with recordings: the rows of all, one after another
   std::optional<ProcessFigures> process;  // with a recording
   ScoreSheet
       sheet;  // with the rubric's result if there is a rubric; toothprep_version and build are not set

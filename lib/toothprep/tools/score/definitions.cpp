@@ -139,6 +139,21 @@ Rows cavity_rows() {
        "Mesiodistal extent of the cavity at half its depth (98 % of the walls' area lie within "
        "it).",
        kBuilt},
+      {"marginal_ridge_mm",
+       {"mesial", "distal", "u_plus", "u_minus"},
+       "mm",
+       "width of the marginal ridge",
+       "The 5 % value, over the upper third of the wall on that side, of the distance straight out "
+       "to the original proximal surface. Where the tooth's sides aren't known: u, along the form.",
+       kSturdevant},
+      {"wall_thickness_min_mm", kSingle, "mm", "least thickness of the remaining walls",
+       "The 2 % value, over the middle third of all walls' height, of the distance across the axis "
+       "from the wall through what remains to the tooth's outside.",
+       kBuilt},
+      {"breakthrough", kSingle, "yes/no", "breakthrough to the side",
+       "Of class I: whether more than 1 mm of the cavity's outline lies where the original surface "
+       "is within 10 degrees of parallel to the occlusal axis.",
+       kBuilt},
   };
 }
 

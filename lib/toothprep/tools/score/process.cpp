@@ -39,10 +39,15 @@ class Episodes {
   std::vector<ProcessEvent> spans_;
 };
 
-void check(const std::vector<StepRecord>& rows, const ProcessOptions& options) {
+bool is_start(const std::vector<std::size_t>& starts, std::size_t row) {
+  return std::find(starts.begin(), starts.end(), row) != starts.end();
+}
+
+void check(const std::vector<StepRecord>& rows, const ProcessOptions& options,
+           const std::vector<std::size_t>& starts) {
   if (rows.size() < 2) throw Error("the recording holds no step: two rows are needed");
   for (std::size_t i = 1; i < rows.size(); ++i)
-    if (!(rows[i].handle.time > rows[i - 1].handle.time))
+    if (!(rows[i].handle.time > rows[i - 1].handle.time) && !is_start(starts, i))
       throw Error("the recording's time doesn't increase at row " + std::to_string(i));
   for (const double limit : {options.force_limit, options.power_limit, options.shortest_gap})
     if (!(std::isfinite(limit) && limit > 0))
@@ -183,11 +188,26 @@ class Process {
 
 }  // namespace
 
-ProcessFigures process_figures(const std::vector<StepRecord>& rows, const ProcessOptions& options) {
-  check(rows, options);
+ProcessFigures process_figures(const std::vector<StepRecord>& rows, const ProcessOptions& options,
+                               const std::vector<std::size_t>& starts) {
+  check(rows, options, starts);
   Process process(rows.front(), options);
-  for (std::size_t i = 1; i < rows.size(); ++i) process.add(rows[i - 1], rows[i]);
+  for (std::size_t i = 1; i < rows.size(); ++i)
+    if (!is_start(starts, i)) process.add(rows[i - 1], rows[i]);
   return process.figures(rows.back().handle.time - rows.front().handle.time);
+}
+
+std::size_t append_recording(std::vector<StepRecord>& rows, const std::vector<StepRecord>& next) {
+  const std::size_t start = rows.size();
+  if (next.empty()) return start;
+  const double shift = rows.empty() ? 0 : rows.back().handle.time - next.front().handle.time;
+  const PerTissue<double> removed = rows.empty() ? PerTissue<double>{} : rows.back().removed_volume;
+  for (StepRecord row : next) {
+    row.handle.time += shift;
+    for (int k = 0; k < kTissueCount; ++k) row.removed_volume[k] += removed[k];
+    rows.push_back(row);
+  }
+  return start;
 }
 
 }  // namespace toothprep

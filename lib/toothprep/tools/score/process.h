@@ -47,7 +47,13 @@ struct ProcessFigures {              // of a recording
 
 // Throws Error for fewer than two rows, times that don't increase, or limits that are not finite
 // and above 0.
+// `starts`: indices at which another recording begins, whose first row is no step.
 [[nodiscard]] ProcessFigures process_figures(const std::vector<StepRecord>& rows,
-                                             const ProcessOptions& options);
+                                             const ProcessOptions& options,
+                                             const std::vector<std::size_t>& starts = {});
+
+// Appends a recording made after those before it: its time goes on where theirs ends, and so does
+// the removed volume. Returns the index of its first row.
+std::size_t append_recording(std::vector<StepRecord>& rows, const std::vector<StepRecord>& next);
 
 }  // namespace toothprep

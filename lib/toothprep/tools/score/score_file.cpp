@@ -75,7 +75,11 @@ std::string score_json(const ScoreSheet& sheet) {
   j["options"] = {{"type", sheet.type}, {"type_from", sheet.type_from}};
   Json& options = j["options"];
   if (sheet.axis) options["axis"] = {sheet.axis->x(), sheet.axis->y(), sheet.axis->z()};
-  if (!sheet.axis_from.empty()) options["axis_from"] = sheet.axis_from;
+  if (!sheet.axis_from.empty()) {
+    options["axis_from"] = sheet.axis_from;
+    options["axis_known"] = sheet.axis_known;
+    options["axis_uncertainty_deg"] = sheet.axis_uncertainty_deg;
+  }
   if (sheet.voxel_mm) options["voxel_mm"] = *sheet.voxel_mm;
   for (const auto& [key, value] : sheet.other_options) options[key] = value;
 

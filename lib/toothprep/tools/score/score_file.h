@@ -2,7 +2,7 @@
 //
 //   schema "toothprep-score", schema_version 1, toothprep_version, build
 //   inputs       {original: {file, sha256}, prepared: ..., ...}
-//   options      {type, type_from, axis, axis_from, voxel_mm, ...}
+//   options      {type, type_from, axis, axis_from, axis_known, axis_uncertainty_deg, voxel_mm, ...}
 //   QUANTITIES   at the top level; a dot in a key makes an object ("removed_mm3": {"enamel": ...}).
 //                What is yes or no is a boolean, what is counted an integer.
 //   uncertainty  {KEY: half width of the 95 % interval}, full keys with their dots
@@ -36,7 +36,9 @@ struct ScoreSheet {                      // what score.json holds
   std::vector<ScoreInput> inputs;        // all files
   std::string type, type_from;           // "class1"; "given", "the rubric", "found"
   std::optional<Vec3> axis;              // unit, W: from the tooth towards its opening
-  std::string axis_from;                 // "given", "found"
+  std::string axis_from;                 // as PreparationFrame::axis_source
+  bool axis_known = true;                // false: guessed from the cut
+  double axis_uncertainty_deg = 0;       // half width of the 95 % interval
   std::optional<double> voxel_mm;        // the coarser of both teeth
   std::vector<std::pair<std::string, std::string>>
       other_options;                   // key, value; written as they are

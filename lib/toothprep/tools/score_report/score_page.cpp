@@ -111,9 +111,12 @@ std::string head(const ScorePage& page, const std::string& title) {
         "kind", escaped(type_name(s.type) + (s.type_from.empty() ? "" : " (" + s.type_from + ")")));
   if (s.axis)
     html +=
-        fact("axis", escaped(short_number(s.axis->x(), 4) + ", " + short_number(s.axis->y(), 4) +
-                             ", " + short_number(s.axis->z(), 4) +
-                             (s.axis_from.empty() ? "" : " (" + s.axis_from + ")")));
+        fact("axis",
+             escaped(short_number(s.axis->x(), 4) + ", " + short_number(s.axis->y(), 4) + ", " +
+                     short_number(s.axis->z(), 4) +
+                     (s.axis_from.empty() ? ""
+                                          : " (" + s.axis_from + ", ±" +
+                                                short_number(s.axis_uncertainty_deg, 2) + "°)")));
   if (s.voxel_mm) html += fact("voxel", escaped(short_number(*s.voxel_mm, 4) + " mm"));
   for (const auto& [key, value] : s.other_options) html += fact(key, escaped(value));
   if (s.result)
