@@ -300,11 +300,6 @@ TEST_F(Assess, AnOriginalMeshAgainstVoxelsHasASkinOfNoise) {
   EXPECT_EQ(assessment.sheet.axis_from, "found");
 }
 
-TriangleMesh moved(TriangleMesh mesh, const Pose& pose) {
-  for (auto& v : mesh.vertices) v = pose.to_world(v.cast<double>()).cast<float>();
-  return mesh;
-}
-
 // One cavity in five poses, as voxels of their own lattice and as meshes.
 TEST_F(Assess, PointsAgreeToOneWhateverPoseTheFilesHave) {
   const Rubric rubric = read_rubric(TOOTHPREP_SOURCE_DIR "/data/rubrics/class1.toml");
