@@ -52,7 +52,10 @@ Drawing draw(const LayeredTooth& tooth, Wanted w, Progress& progress) {
   Drawing drawing;
   drawing.image = renderer.render(fit_camera(view, renderer.meshes(), w.fit), w.options);
   drawing.picture = picture_of(drawing.image);
-  if (w.scale_bar) draw_scale_bar(drawing.picture, drawing.image.camera.mm_per_pixel);
+  if (w.scale_bar) {
+    draw_scale_bar(drawing.picture, drawing.image.camera.mm_per_pixel);
+    draw_triad(drawing.picture, drawing.image.camera, axes);
+  }
   return drawing;
 }
 

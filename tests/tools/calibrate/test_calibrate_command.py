@@ -91,14 +91,14 @@ class Calibration(CommandTest):
                 row[k] = f"{float(row[k]):.3f}"
         self.file("rounded.csv").write_text("\n".join([lines[0], *map(",".join, rows)]) + "\n")
         common = ("calibrate", "--tooth", "block.vdb", "--measured", "rounded.csv", *BUR, "--estimate", "delay")
-        rough = self.run_ok(*common, "-o", "rough.json").stderr
+        rough = self.run_ok(*common, "-o", "rounded.json").stderr
         self.assertIn("rounded.csv: positions are rounded to 0.001 mm", rough)
         self.assertNotIn("sensor frame rotated", rough)
         window = rough.split("positions are rounded")[1].split("--smooth-motion-ms ")[1].split()[0]
-        smooth = self.run_ok(*common, "--smooth-motion-ms", window, "-o", "smooth.json").stderr
+        smooth = self.run_ok(*common, "--smooth-motion-ms", window, "-o", "smoothed.json").stderr
         self.assertNotIn("rounded", smooth)
         errors = [abs(json.loads(self.file(n).read_text())["tissues"]["enamel"]["u_j_per_mm3"] / 0.42 - 1)
-                  for n in ("rough.json", "smooth.json")]
+                  for n in ("rounded.json", "smoothed.json")]
         self.assertLess(errors[1], 0.02)
         self.assertLess(errors[1], 0.5 * errors[0])
 

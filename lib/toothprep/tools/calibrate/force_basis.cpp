@@ -111,6 +111,7 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
       }
     }
     engine->advance(pose);
+    engine->carve();
     if (i % kShankEvery == 0 && area_in_tissue(shank, workpiece, pose) > 0)
       basis.shank_contact += h * kShankEvery;
     if (progress && i % 1024 == 0)

@@ -161,6 +161,9 @@ void add_floor(Bench& bench, const Floor& floor, const std::string& prefix) {
   bench.add(prefix + "floor_tilt_deg", floor.plane.tilt_deg(), uncertainty, "deg");
 }
 
+// A surface that faces less upwards than this (45°) is the tooth's side and no slope of a ridge.
+constexpr double kProximal = 0.7071;
+
 // What is left around a cavity: ridges towards the neighbours, and the thinnest wall.
 void add_remaining_walls(Bench& bench, const std::vector<WallFacet>& walls) {
   const PreparationFrame& frame = bench.frame();
@@ -174,7 +177,8 @@ void add_remaining_walls(Bench& bench, const std::vector<WallFacet>& walls) {
     const bool along = w.side == Side::kMesial || w.side == Side::kDistal;
     const Vec3 out = outward(w.side, frame);
     if (along && at > 2.0 / 3)
-      if (const auto hit = bench.original_tree.first_hit(f.centroid, out))
+      if (const auto hit = bench.original_tree.first_hit(f.centroid, out);
+          hit && bench.original_tree.normal(hit->triangle).dot(frame.d) < kProximal)
         ridges[static_cast<std::size_t>(w.side)].add(hit->distance, f.area);
     const Vec3 into = -(f.normal - f.normal.dot(frame.d) * frame.d).normalized();
     if (at < 2.0 / 3)
@@ -183,7 +187,7 @@ void add_remaining_walls(Bench& bench, const std::vector<WallFacet>& walls) {
   }
   for (const Side side : {Side::kMesial, Side::kDistal})
     bench.add_length("marginal_ridge_mm." + side_name(side, frame),
-                     ridges[static_cast<std::size_t>(side)].quantile(0.05));
+                     ridges[static_cast<std::size_t>(side)].quantile(0.25));
   bench.add_length("wall_thickness_min_mm", thickness.quantile(0.02));
 }
 

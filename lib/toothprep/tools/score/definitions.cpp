@@ -143,8 +143,11 @@ Rows cavity_rows() {
        {"mesial", "distal", "u_plus", "u_minus"},
        "mm",
        "width of the marginal ridge",
-       "The 5 % value, over the upper third of the wall on that side, of the distance straight out "
-       "to the original proximal surface. Where the tooth's sides aren't known: u, along the form.",
+       "The lower quartile, over the upper third of the wall on that side, of the distance "
+       "straight out "
+       "to the original proximal surface, which faces up by less than 45 degrees. Where the "
+       "tooth's "
+       "sides aren't known: u, along the form.",
        kSturdevant},
       {"wall_thickness_min_mm", kSingle, "mm", "least thickness of the remaining walls",
        "The 2 % value, over the middle third of all walls' height, of the distance across the axis "

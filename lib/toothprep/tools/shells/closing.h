@@ -41,11 +41,11 @@ struct OpenSide {
   [[nodiscard]] bool beyond(const Vec3& x) const;
 };
 
-struct SoundShell {  // without faults
-  Shell shell;
-  std::vector<char> added;  // per triangle: 1 if it belongs to a base, not to the scan
-  std::vector<OpenSide> open_sides;
-  std::vector<std::string> notes;  // what was done, one clause each
+struct SoundShell {                  // without faults
+  Shell shell;                       // closed, faces outward
+  std::vector<char> added;           // per triangle: 1 if it belongs to a base, not to the scan
+  std::vector<OpenSide> open_sides;  // where bases were added
+  std::vector<std::string> notes;    // what was done, one clause each
 };
 
 // The shell, mended and closed. Throws InputError with its file and its faults if that would be an
@@ -71,22 +71,23 @@ struct SoundShell {  // without faults
 // Only what lies in the box (mm); triangles are cut at its sides. May be empty.
 [[nodiscard]] Shell clipped(const Shell& shell, const Box& box);
 
-struct ShellPart {  // what hangs together by edges
-  Box bounds;       // mm
-  double area_mm2 = 0;
-  double volume_mm3 = 0;  // of a closed one; negative if its faces look inward
-  bool closed = false;
-  std::size_t triangles = 0;
+struct ShellPart {            // what hangs together by edges
+  Box bounds;                 // mm
+  double area_mm2 = 0;        // of its faces
+  double volume_mm3 = 0;      // of a closed one; negative if its faces look inward
+  bool closed = false;        // no border edge
+  std::size_t triangles = 0;  // how many
 };
 struct ShellOpening {            // border edges that hang together
   Vec3 centre = Vec3::Zero();    // mm
   double width = 0, length = 0;  // mm: its widest extent; of its rim
-  std::size_t edges = 0;
+  std::size_t edges = 0;         // of its rim
 };
-struct ShellSurvey {
+struct ShellSurvey {                   // of a mesh as it is
   std::vector<ShellPart> parts;        // the largest area first
   std::vector<ShellOpening> openings;  // the widest first
 };
+// The parts and openings of a shell; changes nothing.
 [[nodiscard]] ShellSurvey survey_shell(const Shell& shell);
 
 // Layers for a shell that has none: a MODEL, not a measurement. Within thickness_mm of the scanned

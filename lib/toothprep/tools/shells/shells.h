@@ -55,6 +55,7 @@ struct MeshUnit {
   const char *name, *word;  // "um", "micrometres"
   double mm;                // one of it
 };
+// All of them, mm first.
 [[nodiscard]] const std::vector<MeshUnit>& mesh_units();
 
 // The unit in which a box of this longest side is that of teeth; null if it is mm or none fits.
