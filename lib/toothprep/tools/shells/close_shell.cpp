@@ -476,6 +476,7 @@ SoundShell close_shell(Shell shell, double base_mm) {
   if (shell.triangles.empty() || !turn_flipped(shell, notes)) refuse(file, shell_faults(shell));
   remove_flat_faces(shell, notes);
   cut_intersections(shell, notes);
+  if (shell.triangles.empty()) refuse(file, {"no face with an area is left"});
 
   Mesh mesh = meshed(shell, half_edges(shell)).mesh;
   const std::vector<Rim> sides = open_sides(mesh, file, notes);
