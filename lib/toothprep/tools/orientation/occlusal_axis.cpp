@@ -259,7 +259,7 @@ FrameAxis mean_of(const std::vector<Estimate>& estimates) {
 std::optional<std::string> objection(const LabelBlock& block, const Cloud& cloud,
                                      const FrameAxis& axis, double beyond) {
   if (beyond < 0.2 && (beyond < -0.1 || enamel_in_front(block, axis.direction) < 0.25))
-    return "crown and root can't be told apart by the enamel";
+    return "the enamel doesn't show where the crown ends";
   if (axis.uncertainty_deg > kMostUncertain)
     return fmt::format("neck, cusps and enamel disagree on it by {:.0f} degrees",
                        axis.uncertainty_deg);

@@ -1,4 +1,4 @@
-// What the page is told once: what there is to be seen, as JSON.
+// What the page gets first, as JSON: what there is to show.
 #pragma once
 
 #include <optional>
