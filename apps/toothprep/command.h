@@ -19,6 +19,8 @@ using AddCommand = void (*)(CLI::App& app, const Common& common);
 void add_specimen(CLI::App& app, const Common& common);
 void add_voxelize(CLI::App& app, const Common& common);
 void add_orient(CLI::App& app, const Common& common);
+void add_place(CLI::App& app, const Common& common);
+void add_prepare(CLI::App& app, const Common& common);
 void add_info(CLI::App& app, const Common& common);
 void add_replay(CLI::App& app, const Common& common);
 void add_import(CLI::App& app, const Common& common);

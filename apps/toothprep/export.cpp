@@ -1,8 +1,9 @@
 // toothprep export: a trace as a table that any program reads.
+#include <fmt/format.h>
+
 #include <memory>
 
 #include "command.h"
-#include "strictness.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/outputs.h"
 
@@ -21,6 +22,9 @@ void run(const Options& o, const Common& common) {
   outputs.begin();
   const Trace trace = read_trace(o.trace);
   if (trace.unfinished) warn(unfinished_text(o.trace));
+  if (!trace.events.events.empty())
+    say(common, fmt::format("{}: its {} events (pause, undo, ...) are not in the table", o.trace,
+                            trace.events.events.size()));
   write_trace_csv(trace, table);
   outputs.publish();
   say(common, o.output + ": " + std::to_string(trace.rows.size()) + " rows");

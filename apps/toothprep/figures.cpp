@@ -132,6 +132,20 @@ void run(const Options& o, const Common& common) {
                        c.unit == "1" ? std::string() : " " + c.unit));
     }
   }
+  std::size_t compared = 0, inside = 0, trends = 0, agreeing = 0;
+  for (const figures::FigureReport& f : reports) {
+    compared += f.comparisons.size();
+    for (const figures::Comparison& c : f.comparisons) inside += c.verdict == "inside";
+    for (const figures::Trend& t : f.trends) {
+      trends += t.predicted != "no prediction";
+      agreeing += t.agrees;
+    }
+  }
+  if (compared > 0)
+    say(common,
+        fmt::format("of {} predictions of published measurements {} are inside the measured "
+                    "band, of {} trends {} agree: findings about the model, not faults",
+                    compared, inside, trends, agreeing));
   say(common, std::to_string(claims - failing) + " of " + std::to_string(claims) +
                   " claims hold; see " + o.output + "/figures.md");
   if (o.strict && failing + findings > 0)

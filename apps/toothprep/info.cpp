@@ -96,9 +96,11 @@ void describe_motion(const std::vector<HandleSample>& samples, Json& info) {
 void describe_trajectory(const std::string& path, const Trajectory& trajectory, Json& info,
                          Warnings& warnings) {
   info["kind"] = "trajectory";
-  add(warnings, path, judge_motion(trajectory.samples));
+  add(warnings, path,
+      judge_motion(trajectory.samples, trajectory.loaded ? Drive::kLoad : Drive::kCoupled));
   describe_motion(trajectory.samples, info);
   info["has_measured_force"] = !trajectory.measured_force.empty();
+  if (trajectory.loaded) info["has_load"] = true;
 }
 
 // Not of a recording that was cut off, which has no audit, nor of another version's trace with
@@ -115,9 +117,20 @@ void judge_trace(const std::string& path, const Trace& trace, double peak_force,
   const Audit audit = judge_audit(trace.audit.torque_work_mj, trace.audit.removed_energy_mj,
                                   trace.rows.back().removed_volume, parameters);
   const auto findings = judge_run(judge_parameters(parameters), audit, peak_force, lag,
-                                  trace.drive == "direct" ? Drive::kDirect : Drive::kCoupled);
+                                  drive_named(trace.drive).value_or(Drive::kCoupled));
   put_judgement(info, audit, findings);
   add(warnings, path, findings);
+}
+
+// What was done to a live session.
+Json events_json(const SessionEvents& all) {
+  Json list = Json::array();
+  for (const SessionEvent& event : all.events) {
+    Json& one = list.emplace_back(Json{{"time_s", event.time}, {"kind", name_of(event.kind)}});
+    const auto bur = static_cast<std::size_t>(event.arguments[0]);
+    if (event.kind == EventKind::kBur && bur < all.burs.size()) one["bur"] = all.burs[bur];
+  }
+  return list;
 }
 
 void describe_trace(const std::string& path, Json& info, Warnings& warnings) {
@@ -155,9 +168,10 @@ void describe_trace(const std::string& path, Json& info, Warnings& warnings) {
   info["removed_energy_mj"] = trace.audit.removed_energy_mj;
   info["energy_ratio"] = trace.audit.energy_ratio;
   if (!trace.tooth_sha256.empty())  // else an active check of a device, where the hand may rest
-    add(warnings, path, judge_motion(handle));
+    add(warnings, path, judge_motion(handle, drive_named(trace.drive).value_or(Drive::kCoupled)));
   judge_trace(path, trace, device, lag, info, warnings);
   info["has_measured_force"] = !trace.measured_force.empty();
+  if (!trace.events.events.empty()) info["events"] = events_json(trace.events);
   info["bur"] = trace.bur;
   info["drive"] = trace.drive;
   info["engine"] = trace.engine;

@@ -34,6 +34,7 @@
 #include "toothprep/tools/files/trajectory_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/live/session_control.h"
 #include "toothprep/tools/live_session/active_check.h"
 #include "toothprep/tools/live_session/live_session.h"
 #include "toothprep/tools/live_session/simulated_hand.h"
@@ -61,7 +62,7 @@ struct Options {
   bool ignore_safety_switch = false;
   std::optional<long> rate;
   bool force = false, json = false, no_real_time = false, strict = false, view = false,
-       no_open = false;
+       no_open = false, control = false;
   int port = 0;
 };
 
@@ -180,6 +181,7 @@ void check_options(const Options& o) {
     throw Error("--mirror-hand moves the simulated device's mirror only; give --mirror");
   if (simulated && !o.mirror_name.empty())
     throw Error("--mirror names a second real device; the simulated one's moves by --mirror-hand");
+  if (o.control && !o.view) throw Error("--control is of the page: give --view too");
   if (o.view && !o.protocol.empty()) throw Error("--view shows a session, and --protocol is none");
 }
 
@@ -338,13 +340,22 @@ void report_session(const Common& common, const LiveOutcome& outcome) {
   }
 }
 
+// The session's own, then the library's.
+std::vector<NamedBur> burs_to_choose(const std::string& text, const Bur& bur) {
+  const std::string library = data_folder() + "/burs";
+  std::vector<NamedBur> burs = {{text, bur}};
+  for (const LibraryEntry& entry : list_library(library))
+    if (entry.name != text) burs.push_back({entry.name, make_bur(entry.name, library)});
+  return burs;
+}
+
 // The page of a running session.
 class PageOfSession final : public Onlooker {
  public:
   PageOfSession(const Options& o, const Bur& bur, const LayeredTooth& tooth,
-                const Parameters& parameters)
+                const Parameters& parameters, const LiveSettings& settings)
       : scene_(bur, tooth, parameters, std::filesystem::path(o.session.tooth).filename().string(),
-               kVersion),
+               kVersion, settings.control, burs_of(settings)),
         server_(settings_of(o), scene_) {
     std::cerr << "view: " << server_.address() << '\n';
     server_.start();
@@ -355,6 +366,11 @@ class PageOfSession final : public Onlooker {
   void end() noexcept override { scene_.end(); }
 
  private:
+  static std::vector<const Bur*> burs_of(const LiveSettings& settings) {
+    std::vector<const Bur*> burs;
+    for (const NamedBur& named : settings.burs) burs.push_back(&named.bur);
+    return burs;
+  }
   static PageServerSettings settings_of(const Options& o) {
     PageServerSettings settings;
     settings.port = static_cast<unsigned short>(o.port);
@@ -408,10 +424,15 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   settings.readings = readings_of(o, limits);
   settings.display_hz = o.display_hz;
   Workpiece workpiece(tooth);
+  SessionControl control;
+  if (o.control) {
+    settings.control = &control;
+    settings.burs = burs_to_choose(o.session.bur, bur);
+  }
   std::optional<PageOfSession> page;
   if (o.view) {
     if (o.display_hz == 0) settings.display_hz = DisplayOptions().rate;
-    settings.onlooker = &page.emplace(o, bur, tooth, settings.parameters);
+    settings.onlooker = &page.emplace(o, bur, tooth, settings.parameters, settings);
   }
   const LiveOutcome outcome = [&] {
     Talk talk;
@@ -421,7 +442,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   }();
   std::string failure;
   if (!prepared.empty()) {
-    apply_remaining_solid(tooth, workpiece.remaining_solid());
+    apply_cut(tooth, workpiece.cut());
     try {
       write_tooth(tooth, prepared);
       outputs.publish();
@@ -570,6 +591,9 @@ void add_live(CLI::App& app, const Common& common) {
                   "Keep the surface for a display up to date at this rate (0: not)")
       ->check(CLI::Range(0.0, 1000.0));
   sub->add_flag("--view", o->view, "Show tooth, bur and force in the browser while it runs");
+  sub->add_flag("--control", o->control,
+                "With --view: the page can pause and resume the session, undo what was done since "
+                "the last pause, change the bur, move the tooth under the hand, and end it");
   sub->add_option("--port", o->port, "Of the page's address with --view; 0: any that is free")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str();

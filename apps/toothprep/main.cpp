@@ -18,6 +18,7 @@
 
 #include "command.h"
 #include "numeric_options.h"
+#include "program.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/child_process.h"
@@ -113,9 +114,10 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   for (const AddCommand add :
-       {add_specimen, add_voxelize, add_orient, add_info, add_import, add_replay, add_export,
-        add_mesh, add_figures, add_live, add_recover, add_rig_check, add_calibrate, add_batch,
-        add_render, add_score, add_view, add_help, add_completion})
+       {add_specimen, add_voxelize,  add_orient,    add_info,  add_import,  add_place,
+        add_prepare,  add_replay,    add_export,    add_mesh,  add_figures, add_live,
+        add_recover,  add_rig_check, add_calibrate, add_batch, add_render,  add_score,
+        add_view,     add_help,      add_completion})
     add(app, common);
   check_numbers(app);
   std::optional<tbb::global_control> limit;
@@ -139,6 +141,20 @@ int run(int argc, char** argv) {
 }
 
 }  // namespace
+
+int run_program(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    std::cerr << "toothprep: not enough memory for this input\n";
+  } catch (const std::exception& e) {
+    std::cerr << "toothprep: " << one_line(with_shown_names(e.what())) << '\n';
+  } catch (...) {
+    std::cerr << "toothprep: unknown failure\n";
+  }
+  return 1;
+}
+
 }  // namespace toothprep::app
 
 // A file that is opened later must not become stderr: what is closed of 0, 1 and 2 is taken.
@@ -151,15 +167,5 @@ static void reserve_standard_descriptors() {
 int main(int argc, char** argv) {
   reserve_standard_descriptors();
   signal(SIGXFSZ, SIG_IGN);  // a file that gets too large is an error, not the program's end
-  try {
-    return toothprep::app::run(argc, argv);
-  } catch (const std::bad_alloc&) {
-    std::cerr << "toothprep: not enough memory for this input\n";
-  } catch (const std::exception& e) {
-    std::cerr << "toothprep: " << toothprep::app::one_line(toothprep::with_shown_names(e.what()))
-              << '\n';
-  } catch (...) {
-    std::cerr << "toothprep: unknown failure\n";
-  }
-  return 1;
+  return toothprep::app::run_program(argc, argv);
 }

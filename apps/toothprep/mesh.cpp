@@ -8,7 +8,7 @@
 #include "strictness.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/outputs.h"
-#include "toothprep/tools/mesh/surface.h"
+#include "toothprep/tools/mesh/sharp_surface.h"
 
 namespace toothprep::app {
 namespace {
@@ -29,7 +29,10 @@ void run(const Options& o, const Common& common) {
   outputs.reads({o.tooth});
   const std::string output = outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk"});
   outputs.begin();
-  const TriangleMesh mesh = extract_surface(load_tooth(o.tooth, o.strict), kSurfaces.at(o.tissue));
+  const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
+  const bool sharp = tooth.parts && o.tissue == "all";
+  const TriangleMesh mesh =
+      sharp ? extract_sharp_surface(tooth).mesh : extract_surface(tooth, kSurfaces.at(o.tissue));
   if (mesh.triangles.empty())
     throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",
                      "nothing remains, so there is no surface",
@@ -55,7 +58,9 @@ void add_mesh(CLI::App& app, const Common& common) {
   add_strict(*sub, o->strict, "a tooth that another program changed");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(
-      "The surface is closed, oriented outward and free of self-intersections.\n"
+      "The surface is closed, oriented outward and free of self-intersections. Of a tooth that "
+      "was\n"
+      "cut here the margin, where the cut meets the tooth's own surface, is a sharp edge.\n"
       "Example: toothprep mesh prepared.vdb -o prepared.ply");
   sub->callback([o, &common] { run(*o, common); });
 }

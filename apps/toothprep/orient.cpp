@@ -29,26 +29,18 @@ struct Options {
 
 // Flags before landmarks before what the file holds already.
 KnownAxes known_of(const Options& o, const LayeredTooth& tooth) {
-  KnownAxes known;
-  if (!o.anew) known = known_axes(recorded_frame(tooth.provenance));
-  const auto take = [](const FrameAxis& from, FrameAxis& axis) {
-    if (from.known()) axis = from;
-  };
-  if (!o.landmarks.empty()) {
-    const KnownAxes marks = read_landmarks(o.landmarks);
-    take(marks.occlusal, known.occlusal);
-    take(marks.mesial, known.mesial);
-    take(marks.buccal, known.buccal);
-    if (marks.tooth_number) known.tooth_number = marks.tooth_number;
-  }
+  KnownAxes given;
   const auto flag = [&](const std::vector<double>& v, FrameAxis& axis) {
     if (!v.empty()) axis = {Vec3(v[0], v[1], v[2]), 0, AxisSource::kGiven};
   };
-  flag(o.occlusal, known.occlusal);
-  flag(o.mesial, known.mesial);
-  flag(o.buccal, known.buccal);
-  if (o.tooth_number > 0) known.tooth_number = o.tooth_number;
-  return known;
+  flag(o.occlusal, given.occlusal);
+  flag(o.mesial, given.mesial);
+  flag(o.buccal, given.buccal);
+  if (o.tooth_number > 0) given.tooth_number = o.tooth_number;
+  KnownAxes known;
+  if (!o.anew) known = known_axes(recorded_frame(tooth.provenance));
+  if (!o.landmarks.empty()) known = both(read_landmarks(o.landmarks), std::move(known));
+  return both(given, std::move(known));
 }
 
 // The tooth's directions as arrows out of the crown's middle, and its places.
@@ -131,7 +123,9 @@ void run(const Options& o, const Common& common) {
     std::cout << frame_text(frame) << '\n'
               << fmt::format("form {}, {} cusps, central fossa {}, cervical line {}\n",
                              name_of(frame.form), frame.cusps.size(),
-                             frame.fossa ? "found" : "not found",
+                             frame.fossa_picked ? "picked"
+                             : frame.fossa      ? "found"
+                                                : "not found",
                              frame.cervical ? "found" : "not found");
   }
   if (!o.output.empty()) say(common, o.output + ": with its frame");

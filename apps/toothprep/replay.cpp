@@ -14,6 +14,7 @@
 #include <optional>
 
 #include "command.h"
+#include "placing.h"
 #include "session_options.h"
 #include "strictness.h"
 #include "toothprep/build_info.h"
@@ -23,9 +24,9 @@
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/grinding/engine.h"
 #include "toothprep/step/session/run_warnings.h"
+#include "toothprep/tools/files/framed_trajectory_file.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
-#include "toothprep/tools/files/trajectory_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/version.h"
@@ -39,6 +40,7 @@ constexpr double kFarFromTooth = 5.0;  // mm
 
 struct Options {
   SessionOptions session;
+  PlacingOptions placing;
   std::string trajectory, output, prepared;
   bool force = false, json = false, strict = false, allow_gaps = false;
 };
@@ -77,6 +79,10 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   j["largest_lag_mm"] = r.totals.largest_lag;
   j["stalled_steps"] = r.totals.stalled_steps;
   j["stall_onsets"] = r.totals.stall_onsets;
+  if (o.session.drive == name_of(Drive::kLoad)) {
+    j["ran_off"] = r.ran_off;
+    j["unbalanced_steps"] = r.totals.unbalanced_steps;
+  }
   j["split_steps"] = r.totals.split_steps;
   j["split_steps_cut_short"] = r.totals.split_steps_cut_short;
   j["rejected_steps"] = r.totals.rejected_steps;
@@ -108,78 +114,20 @@ struct Progress {
   }
 };
 
-void run(const Options& o, const Common& common) {
-  Outputs outputs(o.force);
-  outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory});
-  const std::string output = outputs.file(o.output, {".h5", ".hdf5"});
-  const std::string prepared = outputs.optional_file(o.prepared, {".vdb"});
-  outputs.begin();
+Trajectory put_on_tooth(Trajectory path, PathFrame frame, const LayeredTooth& tooth,
+                        const Options& o, const Common& common) {
+  PlacedPath result = place_path(std::move(path), frame, o.trajectory, o.placing, tooth);
+  warn_or_refuse(result.notes, o.strict);
+  say(common, o.trajectory + ": placed " + result.how);
+  return std::move(result.path);
+}
 
-  const Parameters parameters = load_parameters(o.session);
-  const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
-  const Trajectory trajectory = read_trajectory(o.trajectory);
-  if (trajectory.unfinished) warn_or_refuse({unfinished_text(o.trajectory)}, o.strict);
-  std::vector<Finding> findings = judge_motion(without_rejected(trajectory).samples);
-  for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
-  if (o.strict) warn_or_refuse(o.trajectory, findings, true);
-  check_run_memory(o.trajectory, trajectory, parameters.time_step);
-  const std::vector<HandleSample> path =
-      resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
-  LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
-
-  const double distance = distance_to_tooth(path, bounds_of_solid(tooth));
-  if (distance > kFarFromTooth) {
-    const std::string text =
-        o.trajectory +
-        fmt::format(": the path never comes within 5 mm of the tooth (nearest {:.1f} mm)",
-                    distance);
-    if (o.strict) throw Error(text + "; check the frames of both files");
-    warn(text);
-  }
-
-  Trace trace;
-  trace.parameters_toml = to_toml(parameters);
-  trace.tooth_sha256 = tooth_sha256(tooth);
-  trace.toothprep_version = kVersion;
-  trace.bur = o.session.bur;
-  trace.drive = o.session.drive;
-  trace.engine = name_of(parameters.engine);
-
-  Workpiece workpiece(tooth);
-  const bool terminal = !common.quiet && isatty(2);
-  ReplayResult r = replay(bur, workpiece, parameters, drive_of(o.session), path,
-                          terminal ? Progress() : std::function<void(double)>());
-  if (terminal) std::fprintf(stderr, "\r            \r");
-
-  const Audit audit =
-      judge_audit(r.totals.torque_work, r.removed_energy, r.totals.removed, parameters);
-  findings = judge_run(std::move(findings), audit, r.totals.peak_device_force, r.totals.largest_lag,
-                       drive_of(o.session));
-  warn_or_refuse(o.trajectory, findings, o.strict);
-
-  // Before the tooth is what is left of it.
-  const std::vector<std::string> outcome = outcome_warnings(r.rows, bur, tooth);
-  warn_or_refuse(outcome, o.strict);
-
-  trace.rows = std::move(r.rows);
-  trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
-  for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
-  write_trace(trace, output);
-  if (!prepared.empty()) {
-    apply_remaining_solid(tooth, workpiece.remaining_solid());
-    write_tooth(tooth, prepared);
-  }
-  std::optional<double> element_mm;
-  if (parameters.engine == EngineKind::kLevelset) element_mm = element_size(bur, parameters);
-  const Json report =
-      o.json ? report_json(r, trace, o, audit, findings, element_mm, outcome) : Json();
-  outputs.publish();
-
+void say_figures(const ReplayResult& r, const Trace& trace, const Common& common) {
   const SessionTotals& t = r.totals;
   if (t.rejected_steps > 0)
     say(common, fmt::format("{} steps were not made: the device's readings were rejected there",
                             t.rejected_steps));
-  for (const std::string& text : run_warnings(t, drive_of(o.session))) warn(text);
+  for (const std::string& text : run_warnings(t, *drive_named(trace.drive))) warn(text);
   say(common,
       fmt::format(
           "{} steps, {:.1f} s at {:.0f} times real time; step {:.1f} us median, {:.1f} us 99 %",
@@ -198,8 +146,107 @@ void run(const Options& o, const Common& common) {
         fmt::format("peak force {:.2f} N{}; largest lag of the bur behind the handle {:.2f} "
                     "mm; stalled {} steps in {} stalls",
                     t.peak_device_force, where, t.largest_lag, t.stalled_steps, t.stall_onsets));
+  else if (trace.drive == name_of(Drive::kLoad))
+    say(common, fmt::format("largest load {:.2f} N; stalled {} steps in {} stalls",
+                            t.peak_device_force, t.stalled_steps, t.stall_onsets));
   else
     say(common, fmt::format("peak force {:.2f} N", t.peak_device_force));
+}
+
+// The bur left the tooth, which ends a cut, or it never met it, which is a mistake.
+void report_run_off(const ReplayResult& r, const Options& o) {
+  const Vec3& load = r.rows.back().handle.load;
+  if (r.totals.contact_steps == 0)
+    throw InputError(o.trajectory, "row 0",
+                     fmt::format("a bur that starts there and is pushed by ({:g}, {:g}, {:g}) N "
+                                 "goes {:g} mm without touching the tooth",
+                                 load.x(), load.y(), load.z(), kMostWayWithoutContact),
+                     "start it at the tooth, and push it towards the tooth");
+  warn_or_refuse({fmt::format("{}: the bur left the tooth and went {:g} mm without contact; the "
+                              "run ends there, at {:.3f} s",
+                              o.trajectory, kMostWayWithoutContact, r.rows.back().handle.time)},
+                 o.strict);
+}
+
+void run(const Options& o, const Common& common) {
+  Outputs outputs(o.force);
+  outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory, o.placing.from,
+                 o.placing.at, o.placing.registration});
+  const std::string output = outputs.file(o.output, {".h5", ".hdf5"});
+  const std::string prepared = outputs.optional_file(o.prepared, {".vdb"});
+  outputs.begin();
+
+  const Parameters parameters = load_parameters(o.session);
+  const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
+  PathFrame frame = PathFrame::kFile;
+  Trajectory trajectory = read_trajectory(o.trajectory, frame);
+  if (trajectory.unfinished) warn_or_refuse({unfinished_text(o.trajectory)}, o.strict);
+  const bool loaded = drive_of(o.session) == Drive::kLoad;
+  std::vector<Finding> findings =
+      judge_motion(without_rejected(trajectory).samples, drive_of(o.session));
+  for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
+  if (o.strict) warn_or_refuse(o.trajectory, findings, true);
+  check_run_memory(o.trajectory, trajectory, parameters.time_step);
+  LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
+  if (o.placing.any() || frame == PathFrame::kTooth)
+    trajectory = put_on_tooth(std::move(trajectory), frame, tooth, o, common);
+  if (loaded) put_load(o.session, o.trajectory, trajectory);
+  const std::vector<HandleSample> path =
+      resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
+
+  // With a load, the path's later positions mean nothing.
+  const double distance = distance_to_tooth(loaded ? std::vector<HandleSample>{path.front()} : path,
+                                            bounds_of_solid(tooth));
+  if (distance > kFarFromTooth) {
+    const std::string text =
+        o.trajectory +
+        fmt::format(": the path never comes within 5 mm of the tooth (nearest {:.1f} mm)",
+                    distance);
+    if (o.strict) throw Error(text + "; check the frames of both files");
+    warn(text);
+  }
+
+  Trace trace;
+  trace.parameters_toml = to_toml(parameters);
+  trace.tooth_sha256 = tooth_sha256(tooth);
+  trace.toothprep_version = kVersion;
+  trace.bur = o.session.bur;
+  trace.drive = o.session.drive;
+  trace.engine = name_of(parameters.engine);
+
+  const Interventions interventions = interventions_of(trajectory.events, bur, o.trajectory);
+  trace.events = trajectory.events;
+  Workpiece workpiece(tooth);
+  const bool terminal = !common.quiet && isatty(2);
+  ReplayResult r = replay(bur, workpiece, parameters, drive_of(o.session), path,
+                          terminal ? Progress() : std::function<void(double)>(), interventions);
+  if (terminal) std::fprintf(stderr, "\r            \r");
+  if (r.ran_off) report_run_off(r, o);
+
+  const Audit audit = judge_audit(r.totals.torque_work, r.removed_energy, r.ground, parameters);
+  findings = judge_run(std::move(findings), audit, r.totals.peak_device_force, r.totals.largest_lag,
+                       drive_of(o.session));
+  warn_or_refuse(o.trajectory, findings, o.strict);
+
+  // Before the tooth is what is left of it.
+  const std::vector<std::string> outcome = outcome_warnings(r.rows, bur, tooth);
+  warn_or_refuse(outcome, o.strict);
+
+  trace.rows = std::move(r.rows);
+  trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
+  for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
+  write_trace(trace, output);
+  if (!prepared.empty()) {
+    apply_cut(tooth, workpiece.cut());
+    write_tooth(tooth, prepared);
+  }
+  std::optional<double> element_mm;
+  if (parameters.engine == EngineKind::kLevelset) element_mm = element_size(bur, parameters);
+  const Json report =
+      o.json ? report_json(r, trace, o, audit, findings, element_mm, outcome) : Json();
+  outputs.publish();
+
+  say_figures(r, trace, common);
   say(common, audit_text(audit));
   if (o.json) std::cout << json_text(report);
 }
@@ -210,10 +257,11 @@ void add_replay(CLI::App& app, const Common& common) {
   auto o = std::make_shared<Options>();
   CLI::App* sub = app.add_subcommand(
       "replay", "Runs a trajectory through force, coupling, stall and removal; writes a trace");
-  add_session_options(*sub, o->session);
+  add_session_options(*sub, o->session, true);
   sub->add_option(
       "--trajectory", o->trajectory,
       "Handle's motion: script .toml, .csv, or .h5 (formats in data/trajectories); required");
+  add_placing_options(*sub, o->placing, "--place");
   sub->add_option("-o,--output", o->output, "Trace to write (.h5), required");
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");
@@ -233,6 +281,11 @@ void add_replay(CLI::App& app, const Common& common) {
     if (o->session.tooth.empty()) throw CLI::RequiredError("--tooth");
     if (o->trajectory.empty()) throw CLI::RequiredError("--trajectory");
     if (o->output.empty()) throw CLI::RequiredError("--output");
+    const bool loaded = o->session.drive == name_of(Drive::kLoad);
+    if (!loaded && !o->session.load.empty())
+      throw CLI::ValidationError("--load-n: needs --drive load");
+    if (!loaded && !o->session.rail.empty())
+      throw CLI::ValidationError("--rail: needs --drive load");
     run(*o, common);
   });
 }

@@ -8,12 +8,14 @@
 #include <memory>
 
 #include "command.h"
+#include "session_options.h"
 #include "strictness.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/session/replay.h"
 #include "toothprep/tools/files/session_file.h"
+#include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/rig_check/rig_report.h"
@@ -45,13 +47,15 @@ Measured<std::vector<StepRecord>> replay_of(const SessionRecording& recording, c
   for (const StepRecord& row : trace.rows) path.push_back(row.handle);
   Workpiece workpiece(tooth);
   const bool terminal = !common.quiet && isatty(2);
-  const Drive drive = trace.drive == "direct" ? Drive::kDirect : Drive::kCoupled;
-  ReplayResult result = replay(bur, workpiece, parameters, drive, path, [&](double done) {
+  const Drive drive = drive_named(trace.drive).value_or(Drive::kCoupled);
+  const auto progress = [&](double done) {
     if (terminal) std::fprintf(stderr, "\rreplay %3d %%", static_cast<int>(done * 100));
-  });
+  };
+  ReplayResult result = replay(bur, workpiece, parameters, drive, path, progress,
+                               interventions_of(trace.events, bur, o.session));
   if (terminal) std::fprintf(stderr, "\r            \r");
   const SessionTotals& t = result.totals;
-  const Audit audit = judge_audit(t.torque_work, result.removed_energy, t.removed, parameters);
+  const Audit audit = judge_audit(t.torque_work, result.removed_energy, result.ground, parameters);
   warn_or_refuse(
       o.session,
       judge_run(judge_parameters(parameters), audit, t.peak_device_force, t.largest_lag, drive),

@@ -11,6 +11,7 @@
 #include "toothprep/tools/render/overlay.h"
 #include "toothprep/tools/render/renderer.h"
 #include "toothprep/tools/score_report/score_page.h"
+#include "toothprep/tools/view/report_scene.h"
 
 namespace toothprep::app {
 namespace {
@@ -62,10 +63,13 @@ class Studio {
     return part;
   }
 
-  Picture draw(RenderPart part, const std::string& view) const {
+  static Renderer scene_of(RenderPart part) {
     std::vector<RenderPart> parts;
     parts.push_back(std::move(part));
-    const Renderer renderer(std::move(parts));
+    return Renderer(std::move(parts));
+  }
+
+  Picture draw(const Renderer& renderer, const std::string& view) const {
     const Camera camera = fit_camera(view_of(view, axes_), renderer.meshes(), fit_);
     Picture picture = picture_of(renderer.render(camera, options_));
     draw_scale_bar(picture, camera.mm_per_pixel);
@@ -74,10 +78,7 @@ class Studio {
   }
 
   // The same, for a table of many.
-  Picture draw_small(RenderPart part, const std::string& view) const {
-    std::vector<RenderPart> parts;
-    parts.push_back(std::move(part));
-    const Renderer renderer(std::move(parts));
+  Picture draw_small(const Renderer& renderer, const std::string& view) const {
     Fit fit = fit_;
     fit.width = kSmallWidth;
     fit.height = kSmallWidth * kHeight / kWidth;
@@ -87,10 +88,7 @@ class Studio {
   }
 
   // Cut through the middle of the preparation, seen at the cut.
-  Picture draw_cut(RenderPart part, const Vec3& removed_side) const {
-    std::vector<RenderPart> parts;
-    parts.push_back(std::move(part));
-    const Renderer renderer(std::move(parts));
+  Picture draw_cut(const Renderer& renderer, const Vec3& removed_side) const {
     RenderOptions options = options_;
     options.cut = CutPlane{assessment_.preparation.frame.origin, removed_side};
     const View view{"cut", -removed_side, axes_.occlusal};
@@ -119,8 +117,8 @@ std::vector<float> undercut_marks(const Assessment& assessment) {
 
 using Progress = std::function<void(const std::string& stage, double done)>;
 
-std::vector<PagePicture> pictures_of(const Studio& studio, const Assessment& assessment,
-                                     const Progress& progress) {
+std::vector<PagePicture> pictures_of(const Studio& studio, const Renderer& prepared,
+                                     const Assessment& assessment, const Progress& progress) {
   const double all = 4 + (assessment.deviation ? 2 : 0) +
                      (assessment.preparation.undercut_triangles.empty() ? 0 : 1) + 1;
   std::vector<PagePicture> pictures;
@@ -129,16 +127,17 @@ std::vector<PagePicture> pictures_of(const Studio& studio, const Assessment& ass
     pictures.push_back({caption, png_bytes(picture)});
     if (progress) progress("drawing the report", static_cast<double>(pictures.size()) / all);
   };
-  add("Before, from the occlusal", studio.draw(studio.original(), "occlusal"));
-  add("After, from the occlusal", studio.draw(studio.prepared(), "occlusal"));
-  add("After, oblique", studio.draw(studio.prepared(), "oblique"));
+  add("Before, from the occlusal", studio.draw(Studio::scene_of(studio.original()), "occlusal"));
+  add("After, from the occlusal", studio.draw(prepared, "occlusal"));
+  add("After, oblique", studio.draw(prepared, "oblique"));
   // From the side from which the mesiodistal section is drawn.
   const PreparationFrame& frame = assessment.preparation.frame;
-  add("Cut open from mesial to distal", studio.draw_cut(studio.prepared(), frame.u.cross(frame.d)));
+  add("Cut open from mesial to distal", studio.draw_cut(prepared, frame.u.cross(frame.d)));
   if (assessment.deviation) {
+    const Renderer coloured = Studio::scene_of(
+        Studio::coloured(assessment.prepared.surface, assessment.deviation->per_vertex));
     const auto deviation = [&](const char* view) {
-      Picture picture = studio.draw(
-          Studio::coloured(assessment.prepared.surface, assessment.deviation->per_vertex), view);
+      Picture picture = studio.draw(coloured, view);
       draw_colour_bar(picture, RenderOptions{}.range);
       return picture;
     };
@@ -148,7 +147,8 @@ std::vector<PagePicture> pictures_of(const Studio& studio, const Assessment& ass
   }
   if (!assessment.preparation.undercut_triangles.empty())
     add("Undercuts along the path of draw (red)",
-        studio.draw(Studio::coloured(assessment.preparation_surface, undercut_marks(assessment)),
+        studio.draw(Studio::scene_of(Studio::coloured(assessment.preparation_surface,
+                                                      undercut_marks(assessment))),
                     "oblique"));
   return pictures;
 }
@@ -160,7 +160,8 @@ void write_score_report(const Assessment& assessment, const ProcessOptions& proc
   ScorePage page;
   page.sheet = assessment.sheet;
   const Studio studio(assessment);
-  page.pictures = pictures_of(studio, assessment, progress);
+  const Renderer prepared = Studio::scene_of(studio.prepared());
+  page.pictures = pictures_of(studio, prepared, assessment, progress);
   page.sections = assessment.preparation.sections;
   if (assessment.deviation) {
     const std::vector<float>& values = assessment.deviation->per_vertex;
@@ -171,10 +172,15 @@ void write_score_report(const Assessment& assessment, const ProcessOptions& proc
   }
   if (assessment.trace)
     page.trace = trace_plot(assessment.trace->rows, assessment.process->events, process);
+  const ScenePart scene =
+      scene_part({studio.original().mesh, assessment.prepared.surface,
+                  assessment.deviation ? assessment.deviation->per_vertex : std::vector<float>(),
+                  studio.axes()});
+  page.scene = scene.markup;
+  page.script_policy = scene.policy;
   write_mesh(assessment.preparation_surface, folder + "/prepared.ply");
   write_file(folder + "/report.html", score_page_html(page));
-  write_file(folder + "/thumbnail.png",
-             png_bytes(studio.draw_small(studio.prepared(), "occlusal")));
+  write_file(folder + "/thumbnail.png", png_bytes(studio.draw_small(prepared, "occlusal")));
   if (progress) progress("drawing the report", 1);
 }
 

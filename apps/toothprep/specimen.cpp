@@ -143,8 +143,13 @@ void add_molar(CLI::App& specimen, const Common& common) {
   add_output(sub, o->output, o->force, "Tooth file to write (.vdb)");
   sub->add_option("--voxel-mm", o->molar.voxel, "Voxel size, 0.02 to 0.5 mm")
       ->capture_default_str();
+  sub->add_flag("--premolar", o->molar.premolar, "A premolar: two cusps, one root, 8.4 x 7 mm");
+  sub->add_option("--worn-mm", o->molar.worn, "So much worn off the highest cusp, flat; 0 to 4");
+  sub->add_flag("--rootless", o->molar.rootless, "A crown alone, cut off below the neck");
+  sub->add_option("--tilt-deg", o->molar.tilt_deg, "Leans so far towards mesial and buccal");
   sub->footer(
-      "It stands as in a scanner: crown up (+z), buccal +x, mesial -y, all coordinates positive.\n"
+      "It stands as in a scanner: crown up (+z), buccal +x, mesial -y, all coordinates positive\n"
+      "unless it is tilted.\n"
       "Example: toothprep specimen molar -o molar.vdb --voxel-mm 0.1");
   sub->callback([o, &common] { run_molar(*o, common); });
 }

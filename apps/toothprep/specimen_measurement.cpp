@@ -104,6 +104,9 @@ void run(const Options& o, const Common& common) {
 
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
   const Trajectory trajectory = read_trajectory(o.trajectory);
+  if (!trajectory.events.events.empty())
+    throw InputError(o.trajectory, "/events", "the session was paused, taken back or changed",
+                     "give a path without events");
   check_run_memory(o.trajectory, trajectory, parameters.time_step);
   const auto path = resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);

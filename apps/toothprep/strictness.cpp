@@ -36,11 +36,6 @@ LayeredTooth load_tooth(const std::string& path, bool strict) {
   return std::move(reading.tooth);
 }
 
-std::string unfinished_text(const std::string& path) {
-  return path +
-         ": was not closed (its program was killed, or still runs), so it ends at its last flush";
-}
-
 Json findings_json(const std::vector<Finding>& findings) {
   Json list = Json::array();
   for (const Finding& f : findings)

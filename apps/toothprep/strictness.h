@@ -22,9 +22,6 @@ void warn_or_refuse(const std::string& subject, const std::vector<Finding>& find
 // read_tooth_with_warnings(), and these as above.
 LayeredTooth load_tooth(const std::string& path, bool strict);
 
-// The warning of a live recording that was not closed.
-std::string unfinished_text(const std::string& path);
-
 // [{"kind": "speed", "value": 1200, "text": "...", "cause": "..."}, ...]
 nlohmann::ordered_json findings_json(const std::vector<Finding>& findings);
 // The keys energy_audit, energy_audit_range, plausible and findings of a run.

@@ -4,17 +4,21 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "command.h"
 #include "drawn.h"
 #include "opened_page.h"
+#include "session_options.h"
 #include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/strict_toml.h"
 #include "toothprep/tools/files/session_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/files/trajectory_file.h"
+#include "toothprep/tools/render/ply_values.h"
 #include "toothprep/tools/view/file_scene.h"
 #include "toothprep/tools/view/page_server.h"
 #include "toothprep/version.h"
@@ -37,15 +41,37 @@ ViewLayer read_layer(const std::string& path, bool strict) {
   ViewLayer layer;
   layer.name = std::filesystem::path(path).filename().string();
   Drawn drawn = read_drawn(path, strict);
-  if (drawn.tooth)
+  if (drawn.tooth) {
     layer.tooth = std::move(drawn.tooth);
-  else
-    layer.mesh = std::move(drawn.part.mesh);
+    return layer;
+  }
+  layer.mesh = std::move(drawn.part.mesh);
+  layer.deviation =
+      vertex_property(path, layer.mesh, "deviation_mm").value_or(std::vector<float>());
   return layer;
 }
 
-Drive drive_named(const std::string& name) {
-  return name == name_of(Drive::kDirect) ? Drive::kDirect : Drive::kCoupled;
+// What `score` wrote: of its folder the surface, with its deviations if there was a target; of its
+// JSON the two teeth. Anything else is a file to be shown.
+std::vector<std::string> scored_files(const std::string& path) {
+  namespace fs = std::filesystem;
+  if (fs::is_directory(path)) {
+    for (const char* name : {"deviation.ply", "prepared.ply"})
+      if (const fs::path file = fs::path(path) / name; fs::exists(file)) return {file.string()};
+    throw InputError(path, "", "holds neither deviation.ply nor prepared.ply",
+                     "give the folder that `score --report` wrote");
+  }
+  if (!has_extension(path, ".json")) return {path};
+  const auto score = nlohmann::json::parse(read_small_text(path), nullptr, false);
+  if (!score.is_object() || score.value("schema", "") != "toothprep-score")
+    throw InputError(path, "schema", "this is no result of `score`");
+  std::vector<std::string> files;
+  for (const char* role : {"/inputs/original/file", "/inputs/prepared/file"}) {
+    const auto file = score.value(nlohmann::json::json_pointer(role), nlohmann::json());
+    if (!file.is_string()) throw InputError(path, role, "is missing");
+    files.push_back(file);
+  }
+  return files;
 }
 
 // The recording, checked against the tooth that is to be seen with it.
@@ -59,12 +85,15 @@ std::unique_ptr<Recording> read_recording(const Options& o, const std::string& p
   const Parameters parameters = parse_parameters(trace.parameters_toml, path);
   Recording r{make_bur(o.bur.empty() ? trace.bur : o.bur, data_folder() + "/burs"),
               parameters,
-              drive_named(trace.drive),
+              drive_named(trace.drive).value_or(Drive::kCoupled),
               resample(read_trajectory(path), parameters.time_step, false, path),
+              {},
               std::move(trace.rows),
               {},
               {},
+              {},
               {}};
+  r.interventions = interventions_of(trace.events, r.bur, path);
   if (r.path.size() != r.rows.size())
     throw InputError(
         path, "/time",
@@ -74,6 +103,8 @@ std::unique_ptr<Recording> read_recording(const Options& o, const std::string& p
     r.flags = std::move(session.flags);
     r.faults = std::move(session.fault);
     r.missed = std::move(session.missed);
+    for (std::size_t i = 0; i < session.mirror_position.size(); ++i)
+      r.mirror.push_back({session.mirror_position[i], session.mirror_orientation[i]});
     if (r.flags.size() != r.rows.size())  // it grows
       throw InputError(path, "/servo/flags", "it was written to while it was read", "try again");
   }
@@ -82,26 +113,33 @@ std::unique_ptr<Recording> read_recording(const Options& o, const std::string& p
 
 std::unique_ptr<PageSource> read_scene(const Options& o) {
   std::vector<ViewLayer> layers;
-  std::string recording;
-  for (const std::string& file : o.files) {
+  std::string recording, other;
+  std::vector<std::string> files;
+  for (const std::string& given : o.files)
+    for (std::string& file : scored_files(given)) files.push_back(std::move(file));
+  for (const std::string& file : files) {
     if (!is_recording(file)) {
       layers.push_back(read_layer(file, o.strict));
     } else if (recording.empty()) {
       recording = file;
+    } else if (other.empty()) {
+      other = file;
     } else {
-      throw InputError(file, "FILE", "two recordings can't be seen at once");
+      throw InputError(file, "FILE", "three recordings can't be seen at once");
     }
   }
   if (!o.tooth.empty()) {
     if (recording.empty()) throw Error("--tooth goes with a recording (.h5)");
     layers.push_back(read_layer(o.tooth, o.strict));
   }
-  if (recording.empty()) return file_scene(std::move(layers), nullptr, kVersion);
+  if (recording.empty()) return file_scene(std::move(layers), nullptr, nullptr, kVersion);
   if (layers.empty() || !layers.back().tooth)
     throw InputError(recording, "--tooth", "a recording is seen on its tooth",
                      "give the tooth that was cut (.vdb)");
-  auto read = read_recording(o, recording, *layers.back().tooth);
-  return file_scene(std::move(layers), std::move(read), kVersion);
+  const LayeredTooth& tooth = *layers.back().tooth;
+  auto seen = read_recording(o, recording, tooth);
+  auto over = other.empty() ? nullptr : read_recording(o, other, tooth);
+  return file_scene(std::move(layers), std::move(seen), std::move(over), kVersion);
 }
 
 void run(const Options& o, const Common& common) {
@@ -112,11 +150,12 @@ void run(const Options& o, const Common& common) {
   PageServer server(settings, *scene);
   if (o.bind != "127.0.0.1" && o.bind != "::1" && o.bind != "localhost")
     warn("whoever on the network reads along sees address and page: they are not encrypted");
-  std::cout << server.address() << std::endl;
-  say(common, "this address is for you alone: who has it sees the page; Ctrl-C ends it");
   std::optional<OpenedPage> opened;
-  if (!o.no_open) opened.emplace(server.address());
-  server.run_until_signal();
+  server.run_until_signal([&] {
+    std::cout << server.address() << std::endl;
+    say(common, "this address is for you alone: who has it sees the page; Ctrl-C ends it");
+    if (!o.no_open) opened.emplace(server.address());
+  });
 }
 
 }  // namespace
@@ -127,7 +166,8 @@ void add_view(CLI::App& app, const Common& common) {
   const auto o = std::make_shared<Options>();
   sub->add_option("files", o->files,
                   "Tooth (.vdb) or mesh (.ply, .stl, .obj, .off); two of them: before and after; a "
-                  "trace or a live session (.h5) with its tooth")
+                  "trace or a live session (.h5) with its tooth, or two of them over each other; "
+                  "what score wrote: its folder or .json")
       ->required();
   sub->add_option("--tooth", o->tooth, "The tooth on which the recording was made (.vdb)");
   sub->add_option("--bur", o->bur,
@@ -146,7 +186,9 @@ void add_view(CLI::App& app, const Common& common) {
       "Examples:\n"
       "  toothprep view tooth.vdb\n"
       "  toothprep view trace.h5 --tooth tooth.vdb\n"
-      "  toothprep view before.vdb after.ply");
+      "  toothprep view before.vdb after.ply\n"
+      "  toothprep view first.h5 second.h5 --tooth tooth.vdb\n"
+      "  toothprep view score-report");
   sub->callback([o, &common] { run(*o, common); });
 }
 

@@ -62,6 +62,7 @@ py::dict arrays_of(const TriangleMesh& mesh);
 
 // The rows as arrays under the trace's dataset names ("force/device").
 py::dict arrays_of(const std::vector<StepRecord>& rows);
+py::array loads_of(const std::vector<StepRecord>& rows);  // (T, 3) N
 
 py::dict by_tissue(const PerTissue<double>& values);
 

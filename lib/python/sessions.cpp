@@ -57,10 +57,9 @@ std::uint32_t buttons_of(long long value) {
   return static_cast<std::uint32_t>(value);
 }
 
-Drive drive_named(const std::string& name) {
-  for (const Drive drive : {Drive::kCoupled, Drive::kDirect})
-    if (name == name_of(drive)) return drive;
-  throw py::value_error("drive is 'coupled' or 'direct', not '" + name + "'");
+Drive drive_of(const std::string& name) {
+  if (const auto drive = drive_named(name)) return *drive;
+  throw py::value_error("drive is 'coupled', 'direct' or 'load', not '" + name + "'");
 }
 
 bool same_place(const Pose& a, const Pose& b) {
@@ -100,9 +99,11 @@ class SessionObject {
   }
 
   StepRecord step(const Vec3& position, const std::optional<Quat>& orientation,
-                  std::uint32_t buttons) {
+                  std::uint32_t buttons, const std::optional<Vec3>& load) {
     const Turn turn(busy_);
+    check_load(load.has_value());
     HandleSample next;
+    next.load = load.value_or(Vec3::Zero());
     next.pose.position = position;
     next.pose.orientation = orientation.value_or(handle_.pose.orientation);
     next.buttons = buttons;
@@ -122,18 +123,30 @@ class SessionObject {
     arrive(path.front());
     std::vector<StepRecord> rows;
     rows.reserve(path.size());
+    last_.handle.load = path.front().load;
     rows.push_back(last_);
     start_time_ = path.front().time;
     for (steps_ = 0; steps_ + 1 < path.size();) {
       make_step(path[steps_ + 1]);
       rows.push_back(last_);
       ++steps_;
+      if (ran_off()) break;
       if (steps_ % kStepsPerReport == 0)
         progress.report("run", static_cast<double>(steps_) / static_cast<double>(path.size()));
     }
     session_->finish(rows.back());
     last_ = rows.back();
     return rows;
+  }
+
+  // Drive `load`: the bur has gone too far without contact.
+  bool ran_off() const {
+    return drive_ == Drive::kLoad && totals().way_without_contact > kMostWayWithoutContact;
+  }
+  void check_load(bool given) const {
+    if (given == (drive_ == Drive::kLoad)) return;
+    throw py::value_error(given ? "a load is for sessions with drive='load'"
+                                : "a session with drive='load' needs the load (x, y, z), N");
   }
 
   StepRecord finish() {
@@ -145,7 +158,7 @@ class SessionObject {
   LayeredTooth remaining() {
     const Turn turn(busy_);
     LayeredTooth left = tooth_->layers;
-    if (workpiece_) apply_remaining_solid(left, workpiece_->remaining_solid());
+    if (workpiece_) apply_cut(left, workpiece_->cut());
     return left;
   }
 
@@ -216,7 +229,7 @@ std::shared_ptr<SessionObject> make(const std::shared_ptr<Tooth>& tooth, const p
   if (!position.is_none()) start = Pose{position_of(position), turned};
   const SharedBur tool = bur_of(bur);
   const Parameters model = parameters_of(parameters);
-  const Drive how = drive_named(drive);
+  const Drive how = drive_of(drive);
   const py::gil_scoped_release released;
   return std::make_shared<SessionObject>(tooth, tool, model, how, start, turned);
 }
@@ -242,19 +255,27 @@ Doubles rows_of(const py::object& given, const char* name, py::ssize_t rows, py:
   return array;
 }
 
+// (3,) for all rows, or a row each; N.
+Doubles load_taken(const py::object& given, py::ssize_t rows) {
+  const auto one = Doubles::ensure(given);
+  return one && one.ndim() == 1 ? rows_of(given, "load", 3, 0) : rows_of(given, "load", rows, 3);
+}
+
 // The path as it was given, one sample a row.
 Trajectory trajectory_of(const py::object& time, const py::object& position,
                          const py::object& orientation, const py::object& buttons,
-                         const py::object& rejected, const Quat& held) {
+                         const py::object& rejected, const py::object& load, const Quat& held) {
   const Doubles t = rows_of(time, "time", -1, 0);
   const py::ssize_t rows = t.shape(0);
   if (rows < 2) throw py::value_error("a path needs at least two samples");
   const Doubles p = rows_of(position, "position", rows, 3);
-  std::optional<Doubles> q, b, r;
+  std::optional<Doubles> q, b, r, f;
   if (!orientation.is_none()) q = rows_of(orientation, "orientation", rows, 4);
   if (!buttons.is_none()) b = rows_of(buttons, "buttons", rows, 0);
   if (!rejected.is_none()) r = rows_of(rejected, "rejected", rows, 0);
+  if (!load.is_none()) f = load_taken(load, rows);
   Trajectory path;
+  path.loaded = f.has_value();
   path.samples.resize(static_cast<std::size_t>(rows));
   for (py::ssize_t i = 0; i < rows; ++i) {
     HandleSample& s = path.samples[static_cast<std::size_t>(i)];
@@ -263,6 +284,7 @@ Trajectory trajectory_of(const py::object& time, const py::object& position,
     s.pose.orientation =
         q ? checked_quaternion(q->data() + 4 * i, fmt::format("orientation[{}]", i)) : held;
     s.rejected = r && r->data()[i] != 0;
+    if (f) s.load = Eigen::Map<const Vec3>(f->data() + (f->ndim() == 2 ? 3 * i : 0));
     if (!b) continue;
     if (b->data()[i] != std::floor(b->data()[i]))
       throw py::type_error("buttons are whole numbers (bits)");
@@ -322,7 +344,7 @@ py::dict attributes_of(const SessionObject& s, const std::string& tooth_hash) {
 // What `replay` warns of, too.
 std::vector<std::string> judge(const SessionObject& s, const Trajectory& given,
                                const std::vector<StepRecord>& rows) {
-  std::vector<Finding> findings = judge_motion(without_rejected(given).samples);
+  std::vector<Finding> findings = judge_motion(without_rejected(given).samples, s.drive());
   for (Finding& f : judge_parameters(s.parameters())) findings.push_back(std::move(f));
   const SessionTotals t = s.totals();
   const Audit audit = judge_audit(t.torque_work, s.removed_energy(), t.removed, s.parameters());
@@ -332,15 +354,21 @@ std::vector<std::string> judge(const SessionObject& s, const Trajectory& given,
     texts.push_back("path: " + message_of(f));
   for (std::string& text : outcome_warnings(rows, s.bur().bur, s.tooth().layers))
     texts.push_back(std::move(text));
+  if (s.ran_off())
+    texts.push_back(
+        fmt::format("path: the bur left the tooth and went {:g} mm without contact; "
+                    "the run ends there, at {:.3f} s",
+                    kMostWayWithoutContact, rows.back().handle.time));
   for (std::string& text : run_warnings(t, s.drive())) texts.push_back(std::move(text));
   return texts;
 }
 
 py::object run(SessionObject& s, const py::object& time, const py::object& position,
                const py::object& orientation, const py::object& buttons, const py::object& rejected,
-               bool allow_gaps, const py::object& progress) {
+               const py::object& load, bool allow_gaps, const py::object& progress) {
+  s.check_load(!load.is_none());
   const Trajectory given =
-      trajectory_of(time, position, orientation, buttons, rejected, s.orientation());
+      trajectory_of(time, position, orientation, buttons, rejected, load, s.orientation());
   std::vector<StepRecord> rows;
   std::vector<std::string> warnings;
   std::string hash;
@@ -348,12 +376,19 @@ py::object run(SessionObject& s, const py::object& time, const py::object& posit
   run_long(callback, [&](Progress& reporting) {
     check_run_memory("path", given, s.parameters().time_step);
     rows = s.run(resample(given, s.parameters().time_step, allow_gaps, "path"), reporting);
+    if (s.ran_off() && s.totals().contact_steps == 0)
+      throw InputError("path", "row 0",
+                       fmt::format("a bur that starts there goes {:g} mm under this load without "
+                                   "touching the tooth",
+                                   kMostWayWithoutContact),
+                       "start it at the tooth, and push it towards the tooth");
     warnings = judge(s, given, rows);
     hash = tooth_sha256(s.tooth().layers);
   });
   warn(warnings);
-  return py::module_::import("toothprep._trace")
-      .attr("Trace")(arrays_of(rows), attributes_of(s, hash));
+  py::dict arrays = arrays_of(rows);
+  if (given.loaded) arrays["force/applied"] = loads_of(rows);
+  return py::module_::import("toothprep._trace").attr("Trace")(arrays, attributes_of(s, hash));
 }
 
 // A row's fields under the datasets' names, "/force/device" as force_device.
@@ -397,7 +432,8 @@ void bind_session_figures(py::class_<SessionObject, std::shared_ptr<SessionObjec
       "largest_lag_mm, stalled_steps, removed_mm3 (a dict by tissue), torque_work_mj, "
       "removed_energy_mj, energy_ratio (NaN while nothing is removed) and others.");
   type.def_property_readonly(
-      "drive", [](const SessionObject& s) { return name_of(s.drive()); }, "'coupled' or 'direct'.");
+      "drive", [](const SessionObject& s) { return name_of(s.drive()); },
+      "'coupled', 'direct' or 'load'.");
   type.def_property_readonly(
       "time_step_s", [](const SessionObject& s) { return s.parameters().time_step; },
       "Length of a step, s.");
@@ -431,34 +467,41 @@ void bind_sessions(py::module_& m) {
       "A bur on a tooth. The tooth itself never changes: a session cuts a copy, see remaining(). "
       "Sessions on several threads run side by side, also on one tooth; one session serves one "
       "thread at a time (RuntimeError otherwise).");
-  type.def(py::init(&make), py::arg("tooth"), py::arg("bur"), py::arg("parameters") = py::none(),
-           py::arg("drive") = "coupled", py::arg("position") = py::none(),
-           py::arg("orientation") = py::make_tuple(0, 0, 0, 1),
-           "tooth: a Tooth. bur: a Bur, or what Bur() takes. parameters: a dict shaped as the "
-           "parameter file, a path, a preset's name; None: 'paper'. drive: 'coupled' (the bur "
-           "follows the handle by a spring) or 'direct' (the handle moves the bur).\n\n"
-           "position (3,), mm, W, and orientation (4,), x, y, z, w, taking B to W: where the bur's "
-           "tip starts; tissue inside the bur there is removed. Without a position the session "
-           "starts where its first sample is.\n\n"
-           "Raises Error for parameters out of range and a bur too thin for the voxels, ValueError "
-           "and TypeError for wrong arguments.");
+  type.def(
+      py::init(&make), py::arg("tooth"), py::arg("bur"), py::arg("parameters") = py::none(),
+      py::arg("drive") = "coupled", py::arg("position") = py::none(),
+      py::arg("orientation") = py::make_tuple(0, 0, 0, 1),
+      "tooth: a Tooth. bur: a Bur, or what Bur() takes. parameters: a dict shaped as the "
+      "parameter file, a path, a preset's name; None: 'paper'. drive: 'coupled' (the bur "
+      "follows the handle by a spring), 'direct' (the handle moves the bur) or 'load' (a force "
+      "pushes it; the handle turns it, and its position counts at the start alone).\n\n"
+      "position (3,), mm, W, and orientation (4,), x, y, z, w, taking B to W: where the bur's "
+      "tip starts; tissue inside the bur there is removed. Without a position the session "
+      "starts where its first sample is.\n\n"
+      "Raises Error for parameters out of range and a bur too thin for the voxels, ValueError "
+      "and TypeError for wrong arguments.");
   type.def(
       "step",
       [](SessionObject& s, const py::object& position, const py::object& orientation,
-         long long buttons) {
+         long long buttons, const py::object& load) {
         std::optional<Quat> turned;
         if (!orientation.is_none()) turned = orientation_of(orientation);
-        return s.step(position_of(position), turned, buttons_of(buttons));
+        std::optional<Vec3> force;
+        if (!load.is_none()) force = Eigen::Map<const Vec3>(load_taken(load, 1).data());
+        return s.step(position_of(position), turned, buttons_of(buttons), force);
       },
       py::arg("position"), py::arg("orientation") = py::none(), py::arg("buttons") = 1,
+      py::kw_only(), py::arg("load") = py::none(),
       "One step of time_step_s that ends with the handle at position (3,), mm, W; returns its "
-      "Record. orientation (4,): None keeps the last one. buttons: bit 0 is the motor.\n\n"
+      "Record. orientation (4,): None keeps the last one. buttons: bit 0 is the motor. load (3,), "
+      "N, "
+      "W: the force on the bur, for drive='load' alone.\n\n"
       "ValueError, TypeError and OverflowError for wrong arguments; the session is then as "
       "before.");
   type.def(
       "run", &run, py::arg("time"), py::arg("position"), py::arg("orientation") = py::none(),
       py::arg("buttons") = py::none(), py::kw_only(), py::arg("rejected") = py::none(),
-      py::arg("allow_gaps") = false, py::arg("progress") = py::none(),
+      py::arg("load") = py::none(), py::arg("allow_gaps") = false, py::arg("progress") = py::none(),
       "A path of the handle through the session; returns a Trace, a dict of the trace's datasets "
       "('force/device', ...) as arrays. The same bits as `toothprep replay` of that path. Row 0 is "
       "the start: the path must begin where the session stands.\n\n"
@@ -466,7 +509,9 @@ void bind_sessions(py::module_& m) {
       "keeps "
       "the session's; buttons (T,), bits, None: motor on; rejected (T,), not 0 where a reading "
       "can't "
-      "be believed and no step is made. A path that is not at the session's step "
+      "be believed and no step is made; load (3,) or (T, 3), N, W, for drive='load' alone: the run "
+      "then ends early where the bur has gone 5 mm without contact. A path that is not at the "
+      "session's step "
       "is resampled (linear, slerp) as replay does; gaps above 0.1 s raise Error unless "
       "allow_gaps.\n\n"
       "progress: True for a line on stderr, or a function called as progress(stage, done). The GIL "

@@ -36,6 +36,9 @@ LayeredTooth in_order(LayeredTooth tooth) {
   const auto inside = -static_cast<float>(tooth.band());
   tooth.solid = in_order(tooth.solid, {inside});
   for (LevelSet& grid : tooth.remains) grid = in_order(grid, {inside});
+  if (tooth.parts)
+    for (LevelSet* grid : {&tooth.parts->intact, &tooth.parts->cut})
+      *grid = in_order(*grid, {inside});
   return tooth;
 }
 

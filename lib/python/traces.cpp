@@ -4,6 +4,7 @@
 #include "bindings.h"
 #include "long_work.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/parameters.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/files/trace_columns.h"
 #include "toothprep/tools/files/trajectory_file.h"
@@ -13,6 +14,7 @@ namespace toothprep::python {
 namespace {
 
 constexpr const char* kMeasured = "force/measured";
+constexpr const char* kApplied = "force/applied";
 
 std::string key_of(const TraceColumn& column) { return std::string(column.dataset).substr(1); }
 
@@ -51,7 +53,31 @@ py::dict attributes_of(const Trace& trace) {
   a["torque_work_mJ"] = trace.audit.torque_work_mj;
   a["removed_energy_mJ"] = trace.audit.removed_energy_mj;
   a["energy_ratio"] = trace.audit.energy_ratio;
+  if (trace.events.events.empty()) return a;
+  py::list events;
+  for (const SessionEvent& e : trace.events.events)
+    events.append(py::make_tuple(e.time, std::string(name_of(e.kind)), e.arguments));
+  a["events"] = events;
+  a["event_burs"] = trace.events.burs;
   return a;
+}
+
+SessionEvents events_of(const py::dict& attributes) {
+  SessionEvents all;
+  if (!attributes.contains("events")) return all;
+  for (const py::handle& item : attributes["events"]) {
+    const auto e = item.cast<std::tuple<double, std::string, decltype(SessionEvent::arguments)>>();
+    SessionEvent& event = all.events.emplace_back();
+    event.time = std::get<0>(e);
+    event.arguments = std::get<2>(e);
+    for (std::uint32_t k = 1; k < kEventKinds; ++k)
+      if (name_of(static_cast<EventKind>(k)) == std::get<1>(e))
+        event.kind = static_cast<EventKind>(k);
+    if (event.kind == EventKind::kNone)
+      throw py::value_error("'" + std::get<1>(e) + "' is no kind of event");
+  }
+  all.burs = attributes["event_burs"].cast<std::vector<std::string>>();
+  return all;
 }
 
 py::array vectors(const std::vector<Vec3>& of) {
@@ -67,6 +93,7 @@ py::tuple load_trace(const py::object& path) {
   run_long(py::none(), [&](Progress&) { trace = read_trace(name); });
   py::dict arrays = arrays_of(trace.rows);
   if (!trace.measured_force.empty()) arrays[kMeasured] = vectors(trace.measured_force);
+  if (trace.drive == name_of(Drive::kLoad)) arrays[kApplied] = loads_of(trace.rows);
   return py::make_tuple(arrays, attributes_of(trace));
 }
 
@@ -83,6 +110,7 @@ py::dict load_trajectory(const py::object& path) {
         std::string(column.dataset).starts_with("/handle/"))
       arrays[py::str(key_of(column))] = column_array(column, rows);
   if (!motion.measured_force.empty()) arrays[kMeasured] = vectors(motion.measured_force);
+  if (motion.loaded) arrays[kApplied] = loads_of(rows);
   return arrays;
 }
 
@@ -122,6 +150,9 @@ void save_trace(const py::dict& arrays, const py::dict& attributes, const py::ob
   if (const auto measured = taken(arrays, kMeasured, 3, trace.rows.size(), false))
     for (std::size_t i = 0; i < trace.rows.size(); ++i)
       trace.measured_force.emplace_back(Eigen::Map<const Vec3>(measured->data() + 3 * i));
+  if (const auto load = taken(arrays, kApplied, 3, trace.rows.size(), false))
+    for (std::size_t i = 0; i < trace.rows.size(); ++i)
+      trace.rows[i].handle.load = Eigen::Map<const Vec3>(load->data() + 3 * i);
   trace.toothprep_version = attributes["toothprep_version"].cast<std::string>();
   trace.parameters_toml = attributes["parameters"].cast<std::string>();
   trace.tooth_sha256 = attributes["tooth_sha256"].cast<std::string>();
@@ -132,6 +163,7 @@ void save_trace(const py::dict& arrays, const py::dict& attributes, const py::ob
   trace.audit = {attributes["torque_work_mJ"].cast<double>(),
                  attributes["removed_energy_mJ"].cast<double>(),
                  attributes["energy_ratio"].cast<double>()};
+  trace.events = events_of(attributes);
   const std::string name = path_of(path);
   run_long(py::none(), [&](Progress&) {
     Outputs outputs(overwrite);
@@ -156,6 +188,13 @@ py::dict arrays_of(const std::vector<StepRecord>& rows) {
   for (const TraceColumn& column : trace_columns())
     arrays[py::str(key_of(column))] = column_array(column, rows);
   return arrays;
+}
+
+py::array loads_of(const std::vector<StepRecord>& rows) {
+  std::vector<Vec3> loads;
+  loads.reserve(rows.size());
+  for (const StepRecord& row : rows) loads.push_back(row.handle.load);
+  return vectors(loads);
 }
 
 void bind_traces(py::module_& m) {

@@ -156,9 +156,9 @@ class Bash(CommandTest):
         self.assertEqual(options - set(self.completed("live", "--")), set())
 
     def test_values(self):
-        self.assertEqual(self.completed("replay", "--drive", ""), ["coupled", "direct"])
+        self.assertEqual(self.completed("replay", "--drive", ""), ["coupled", "direct", "load"])
         self.assertEqual(self.completed("replay", "--drive", "=", "co"), ["coupled"])
-        self.assertEqual(self.completed("replay", "--drive", "="), ["coupled", "direct"])
+        self.assertEqual(self.completed("replay", "--drive", "="), ["coupled", "direct", "load"])
         self.assertEqual(self.completed("completion", ""), ["bash", "zsh", "fish"])
         self.assertEqual(self.completed("replay", "--time-step-s", ""), [])
         self.assertEqual(self.completed("replay", "--threads", ""), [])
@@ -185,7 +185,7 @@ class OtherShells(CommandTest):
 
         self.assertEqual(completed("toothprep repl"), {"replay"})
         self.assertEqual(completed("toothprep specimen "), set(NESTED))
-        self.assertEqual(completed("toothprep replay --drive "), {"coupled", "direct"})
+        self.assertEqual(completed("toothprep replay --drive "), {"coupled", "direct", "load"})
         self.assertEqual(completed("toothprep specimen cavity --floor-tilt-u"), {"--floor-tilt-u-deg"})
         self.assertIn("toothprep.fish", completed("toothprep replay --tooth tooth"))
 

@@ -26,7 +26,7 @@ BUR = "cylinder:D0.8xL1.0"
 
 # Page -> the modules whose parsers read what it describes.
 PARSERS = {
-    "data/trajectories/README.md": ["tools/trajectory"],
+    "data/trajectories/README.md": ["tools/trajectory", "tools/placement"],
     "data/burs/README.md": ["step/bur"],
     "data/parameters/README.md": ["step/core"],
     "data/rubrics/README.md": ["tools/score"],
@@ -38,7 +38,7 @@ PARSERS = {
     STAND_IN: ["proof/libhd_stand_in"],
 }
 # Calls that read a key of a TOML table: members of StrictTable, and the readers' own helpers around them.
-MEMBER = r"(?:\.|->)(?:number|integer|boolean|text|choice|vector|vectors|numbers|table|tables|range)\(\s*\"(\w+)\""
+MEMBER = r"(?:\.|->)(?:number|integer|boolean|text|choice|vector|vectors|numbers|table|tables|texts|range)\(\s*\"(\w+)\""
 HELPER = (r"\b(?:require_positive|positive_or|finite_or|require_vector|words|positive|pair|quaternion|finite|take_count|"
           r"take_choice(?:<\w+>)?|read_range|border|text|check_table)\(\s*(?:\*?\w+,\s*)?\"(\w+)\"")
 EITHER = r"\b(?:read_either|side)\(\s*\*?\w+,\s*\"(\w+)\",\s*\"(\w+)\""
@@ -71,7 +71,7 @@ def keys_read_by(modules):
     keys = set()
     for source in sorted(s for module in modules for s in (SOURCE / "lib/toothprep" / module).glob("*.cpp")):
         text = source.read_text(encoding="utf-8")
-        keys |= set(re.findall(MEMBER, text)) | set(re.findall(HELPER, text))
+        keys |= set(re.findall(MEMBER, text)) | set(re.findall(HELPER, text)) | set(re.findall(r"\{\"(\w+)\", &Cut::", text))
         for pair in re.findall(EITHER, text):
             keys |= set(pair)
     return keys
@@ -139,7 +139,7 @@ class Pages(unittest.TestCase):
     def test_columns_of_csv_inputs_are_those_of_the_reader(self):
         source = read("lib/toothprep/tools/trajectory/csv_trajectory.cpp")
         columns = re.findall(r'"(\w+)"', re.search(r"kColumns = \{(.*?)\};", source, re.S).group(1))
-        self.assertEqual(len(columns), 12)
+        self.assertEqual(len(columns), 15)
         more = re.findall(r'further\["(\w+)"\]', read("lib/toothprep/tools/calibrate/recording_csv.cpp"))
         self.assertEqual(len(set(more)), 3)
         for page, known in (("data/trajectories/README.md", columns), ("data/recordings/README.md", columns + more)):
@@ -204,11 +204,21 @@ class Examples(Tool):
                 with self.subTest(f"{page}:{line} {kind}"):
                     getattr(self, "run_" + kind.replace("-", "_"))(text)
                     count[kind] = count.get(kind, 0) + 1
-        self.assertEqual(len(count), 17, count)
+        self.assertEqual(len(count), 21, count)
 
     def run_trajectory_script(self, text):
         result = self.replay(self.write("example.toml", text))
         self.assertGreater(sum(result["removed_mm3"].values()), 0)
+
+    def run_tooth_script(self, text):
+        self.ok("specimen", "molar", "--voxel-mm", "0.5", "-o", "molar.vdb", "--force")
+        result = self.ok("replay", "--tooth", "molar.vdb", "--trajectory", self.write("own.toml", text), "--bur", "ball:D1.8",
+                         "--drive", "direct", "--json", "--force", "-o", "trace.h5")
+        self.assertGreater(sum(json.loads(result)["removed_mm3"].values()), 0)
+
+    def run_place_pairs(self, text):
+        self.ok("specimen", "molar", "--voxel-mm", "0.5", "-o", "molar.vdb", "--force")
+        self.ok("place", "--tooth", "molar.vdb", "--trajectory", "path.toml", "--bur", BUR, "--at", self.write("pairs.toml", text))
 
     def run_trajectory_csv(self, text):
         self.assertGreater(self.replay(self.write("example.csv", text))["contact_steps"], 0)
@@ -275,6 +285,17 @@ class Examples(Tool):
         self.assertGreater(len(rows), 0)
         self.assertNotIn("failed", [row["status"] for row in rows])
 
+    def run_study(self, text):
+        """Few samples of coarse teeth; the trajectory is the page's next block."""
+        page = read("data/batch/study.md")
+        self.write("slot.toml", re.search(r"^```\n(start_mm.*?)```", page, re.M | re.S).group(1))
+        self.write("study.toml", text.replace("samples = 64", "samples = 3").replace("voxel_mm = 0.1", "voxel_mm = 0.25"))
+        self.ok("batch", "study.toml", "-o", "study", "--quiet")
+        with open(os.path.join(self.folder, "study/batch.csv"), encoding="utf-8") as table:
+            rows = list(csv.DictReader(table))
+        self.assertEqual(sorted({row["step"] for row in rows}), ["cut", "judged", "tooth"])
+        self.assertNotIn("failed", [row["status"] for row in rows])
+
     def run_experiment(self, text):
         self.write("experiments/own/experiment.toml", text)
         self.write("experiments/own/params.toml", "[handpiece]\nstall_torque_mnm = inf\n")
@@ -284,6 +305,14 @@ class Examples(Tool):
                 "-o", "figures", "--quiet")
         with open(os.path.join(self.folder, "figures/figures.json"), encoding="utf-8") as file:
             self.assertGreater(len(json.load(file)["figures"][0]["claims"]), 0)
+
+    def run_cutting_test(self, text):
+        self.write("cutting/mine/experiment.toml", 'kind = "validation"\nmeasurements = "measured"\n')
+        self.write("cutting/mine/measured/measurements.csv", "id\nM01\n")
+        self.write("cutting/mine/measured/tests/one.toml", text)
+        self.ok("figures", "--experiments", "cutting", "--no-plots", "-o", "cut", "--force")
+        with open(os.path.join(self.folder, "cut/figures.json"), encoding="utf-8") as file:
+            return json.load(file)
 
     def run_hounsfield(self, text):
         self.write("data/scans/hounsfield.toml", text)
@@ -455,6 +484,9 @@ class Outputs(Tool):
         Examples.run_experiment(self, next(t for kind, _, t, _, _ in examples() if kind == "experiment"))
         with open(os.path.join(self.folder, "figures/figures.json"), encoding="utf-8") as file:
             report = json.load(file)
+        self.assert_documented(keys_of(report, ("plots", "maps", "pictures")), "figures", TISSUES)
+        text = next(t for kind, _, t, _, _ in examples() if kind == "cutting-test")
+        report = Examples.run_cutting_test(self, text)
         self.assert_documented(keys_of(report, ("plots", "maps", "pictures")), "figures", TISSUES)
 
 

@@ -27,6 +27,7 @@ trajectory = "feed.toml"
 size_mm = [3.0, 6.0, 3.0]
 enamel_mm = 3.0
 """
+PAIRS = "path_mm = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\ntooth_mm = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n"
 FEED = """start_mm = [0.0, 0.7, -0.6]
 [[segment]]
 kind = "line"
@@ -78,6 +79,10 @@ COMMANDS = {
     "voxelize mesh": Command(["voxelize", "--mesh", "enamel=block.stl", "--voxel-mm", "0.2"], ["block.stl"],
                              ("-o", "new.vdb", False)),
     "orient": Command(["orient", "block.vdb"], ["block.vdb"], ("-o", "new.vdb", False), ("--picture", "new.png", False)),
+    "place": Command(["place", "--tooth", "block.vdb", *BUR, "--trajectory", "path.toml", "--at", "pairs.toml"],
+                     ["block.vdb", "path.toml", "pairs.toml"], ("-o", "new.h5", False), ("--picture", "new.png", False)),
+    "prepare": Command(["prepare", "--type", "class1", "--tooth", "molar.vdb", "--bur", "57", "--drive", "direct"],
+                       ["molar.vdb"], ("-o", "new.toml", False), ("--picture", "new.png", False)),
     "replay": Command(["replay", "--tooth", "block.vdb", *BUR, "--trajectory", "path.toml", "--params", "model.toml"],
                       ["block.vdb", "path.toml", "model.toml"], ("-o", "new.h5", False), ("--prepared", "new.vdb", False)),
     "export": Command(["export", "trace.h5"], ["trace.h5"], ("-o", "new.csv", False)),
@@ -118,11 +123,12 @@ class Outputs(unittest.TestCase):
         os.mkdir(cls.path("mine"))
         os.mkdir(cls.path("mine/small"))
         for name, text in (("path.toml", LINE.format(depth=-0.9, speed=4)), ("slow.toml", LINE.format(depth=-0.9, speed=0.02)),
-                           ("model.toml", 'preset = "paper"\n'), ("mine/small/experiment.toml", EXPERIMENT),
+                           ("model.toml", 'preset = "paper"\n'), ("pairs.toml", PAIRS), ("mine/small/experiment.toml", EXPERIMENT),
                            ("mine/small/feed.toml", FEED)):
             with open(cls.path(name), "w") as f:
                 f.write(text)
-        for args in (("specimen", "block", "-o", "block.vdb", "--size-mm", "3", "--voxel-mm", "0.15", "--enamel-mm", "1"),
+        for args in (("specimen", "molar", "-o", "molar.vdb", "--voxel-mm", "0.4"),
+                     ("specimen", "block", "-o", "block.vdb", "--size-mm", "3", "--voxel-mm", "0.15", "--enamel-mm", "1"),
                      ("specimen", "cavity", "-o", "cut.vdb", "--original", "whole.vdb", "--voxel-mm", "0.3"),
                      ("specimen", "scan", "-o", "scan.nrrd", "--labels", "truth.nrrd", "--spacing-mm", "0.4"),
                      ("specimen", "scan", "-o", "dicom", "--spacing-mm", "0.4"),

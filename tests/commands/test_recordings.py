@@ -157,6 +157,14 @@ class Recordings(CommandTest):
         self.assertIn("killed.h5: was not closed", self.run_ok(*line, "killed.h5", "-o", "of-killed.h5").stderr)
         self.refused(*line, "killed.h5", "--strict", "-o", "strict.h5", says="killed.h5: was not closed")
 
+    def test_a_score_says_that_the_session_was_not_closed(self):
+        self.run_ok("replay", "--tooth", "block.vdb", "--bur", BUR, "--trajectory", "killed.h5", "-o", "cut.h5",
+                    "--prepared", "cut.vdb")
+        for name, says in (("killed.h5", True), ("cut.h5", False)):
+            done = self.run_ok("score", "--original", "block.vdb", "--prepared", "cut.vdb", "--type", "class1", "--axis", "0,1,0",
+                               "--trace", name, "-o", f"score-of-{name[:-3]}.json")
+            self.assertEqual(f"{name}: was not closed" in done.stderr, says, done.stderr)
+
     def test_recover_in_place_and_elsewhere(self):
         before = self.read("killed.h5")
         report = json.loads(self.run_ok("recover", "killed.h5", "-o", "elsewhere.h5", "--json").stdout)

@@ -48,6 +48,32 @@ class Sessions(CommandTest):
                 for key in ("parameters", "tooth_sha256", "bur", "drive", "engine", "energy_ratio"):
                     self.assertEqual(ours.attributes[key], attributes[key], key)
 
+    def test_an_imposed_load_equals_replay(self):
+        time = np.arange(300) * 1e-3
+        position, load = np.tile([0, 0.65, -1.5], (300, 1)), (0.1, -2, 0.2)
+        write_csv(self.path("held.csv"), time, position, np.tile([0, 0, 0, 1.0], (300, 1)), np.ones(300, int))
+        theirs, figures, attributes = self.replay("trace.h5", "held.csv", "--drive", "load", "--load-n", "0.1,-2,0.2")
+        session = toothprep.Session(self.tooth, BUR, drive="load")
+        ours = session.run(time, position, load=load)
+        self.assert_same_bits(ours, theirs)
+        self.assertEqual(ours.attributes["drive"], "load")
+        self.assertGreater(session.totals["contact_steps"], 100)
+        stepped = toothprep.Session(self.tooth, BUR, drive="load", position=position[0])
+        for _ in time[1:]:
+            row = stepped.step(position[0], load=load)
+        np.testing.assert_array_equal(row.bur_position, theirs["bur/position"][-1])
+        ours.save(self.path("saved.h5"))
+        again = toothprep.load_trace(self.path("saved.h5"))
+        np.testing.assert_array_equal(again["force/applied"], np.tile(load, (300, 1)))
+        with self.assertRaisesRegex(ValueError, "needs the load"):
+            stepped.step(position[0])
+        with self.assertRaisesRegex(ValueError, "for sessions with drive='load'"):
+            toothprep.Session(self.tooth, BUR).run(time, position, load=load)
+        with self.assertRaisesRegex(ValueError, "not finite"):
+            stepped.step(position[0], load=(0, float("nan"), 0))
+        with self.assertRaisesRegex(toothprep.Error, "without touching the tooth"):
+            toothprep.Session(self.tooth, BUR, drive="load").run(time, position, load=(0, 1, 0))
+
     def test_voxel_engine_and_physical_preset_equal_replay(self):
         time, position, orientation, buttons = self.motion
         theirs, _, _ = self.replay("trace.h5", "path.csv", "--preset", "physical", "--engine", "voxel")

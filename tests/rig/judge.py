@@ -55,6 +55,12 @@ def read_log(path):
                rows[-1] if len(rows) else None)
 
 
+def missed_share(path, rules=Rules()):
+    """The share of the servo's ticks that the machine left out; 0 without a log."""
+    rows = read_log(path).rows if Path(path).exists() else ()
+    return 1 - len(rows) / (1 + (rows["time"][-1] - rows["time"][0]) * rules.rate_hz) if len(rows) else 0
+
+
 def norm(vectors):
     return np.linalg.norm(vectors, axis=-1)
 

@@ -202,6 +202,14 @@ class JudgeTest(unittest.TestCase):
         self.assert_found("not marked as complete", self.found(complete=0))
         self.assert_found("marked as complete", self.found(rules=Rules(recording="incomplete", most_unrecorded=200)))
 
+    def test_a_machine_that_gave_a_session_too_few_ticks_shows_in_the_log(self):
+        rows = good_rows()
+        self.write(rows)
+        self.assertAlmostEqual(judge.missed_share(self.log), 0, delta=1e-9)
+        self.write(np.delete(rows, slice(400, 520)))
+        self.assertAlmostEqual(judge.missed_share(self.log), 0.1, delta=1e-9)
+        self.assertEqual(judge.missed_share(self.log.with_name("none.log")), 0)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -2,18 +2,23 @@
 from . import _core
 
 
+_FURTHER = [(f"force/{what}", "N", [f"force_{what}_{axis}_N" for axis in "xyz"]) for what in ("measured", "applied")]
+
+
 class Trace(dict):
     """A trace: a dict of arrays, one row per step, under the datasets' names without the leading slash.
 
     'time' (T,) s; 'handle/position' (T, 3) mm; 'handle/orientation' (T, 4) x, y, z, w; 'handle/buttons' (T,);
     'reading_rejected' (T,) 0 or 1; 'bur/position', 'bur/velocity' (T, 3) mm, mm/s; 'bur/orientation' (T, 4); 'force/grinding' (T, 3) N, on the bur;
     'force/device' (T, 3) N, what the operator feels; 'force/measured' (T, 3) N where a rig recorded it;
+    'force/applied' (T, 3) N, the load, of the drive 'load';
     'torque', 'torque_trial' (T,) mN m; 'power' (T,) W; 'rotation_rate' (T,) rev/s; 'stalled' (T,) 0 or 1;
     'stalled_fraction' (T,); 'contact/area' (T, 4) mm^2 and 'removed/volume' (T, 4) mm^3, by `tissues`;
     'contact/shank_area' (T,) mm^2. Positions and forces in W. Row 0 is the start, with zero forces.
 
     attributes: what the file says at its root: parameters (complete TOML), tooth_sha256, bur, drive, engine,
-    toothprep_version, initial_overlap_mm3, and the audit torque_work_mJ, removed_energy_mJ, energy_ratio.
+    toothprep_version, initial_overlap_mm3, and the audit torque_work_mJ, removed_energy_mJ, energy_ratio;
+    of a live session that was paused, changed or taken back also events, (time, kind, arguments) of each, and event_burs.
     """
 
     tissues = ("enamel", "dentin", "pulp", "other")
@@ -26,15 +31,14 @@ class Trace(dict):
     @property
     def units(self):
         """The unit of every dataset, as in the file: {'force/device': 'N', ...}."""
-        return {name: unit for name, unit, _ in [*_core.trace_columns(), ("force/measured", "N", None)] if name in self}
+        return {name: unit for name, unit, _ in [*_core.trace_columns(), *_FURTHER] if name in self}
 
     def dataframe(self):
         """The trace as a pandas DataFrame, a column per component under the names of the CSV export
         (time_s, force_device_x_N, ...). ImportError without pandas."""
         import pandas
         columns = {}
-        measured = ("force/measured", "N", [f"force_measured_{axis}_N" for axis in "xyz"])
-        for name, _, names in [*_core.trace_columns(), measured]:
+        for name, _, names in [*_core.trace_columns(), *_FURTHER]:
             if name not in self:
                 continue
             values = self[name]

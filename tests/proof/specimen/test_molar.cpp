@@ -2,13 +2,16 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <sstream>
 #include <vector>
 
 #include "toothprep/proof/specimen/molar.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
 
 namespace toothprep {
 namespace {
@@ -319,6 +322,102 @@ TEST(Molar, RefusesAnAbsurdVoxel) {
   for (const double bad : {0.0, -0.1, 0.6, 1e-9, std::numeric_limits<double>::quiet_NaN(),
                            std::numeric_limits<double>::infinity()})
     EXPECT_THROW(static_cast<void>(make_molar({.voxel = bad})), Error);
+}
+
+// A leaning tooth is the upright one, turned: every place has the sample of where it came from.
+TEST(MolarVariants, ATiltedOneIsTheUprightOneTurned) {
+  MolarOptions tilted;
+  tilted.voxel = 0.4;
+  tilted.tilt_deg = 25;
+  const LayeredTooth tooth = make_molar(tilted);
+  const auto axis = [&](const char* name) {
+    std::istringstream in(tooth.provenance.at(name));
+    Vec3 d;
+    in >> d.x() >> d.y() >> d.z();
+    return d;
+  };
+  const Vec3 occlusal = axis("axis_occlusal"), mesial = axis("axis_mesial"),
+             buccal = axis("axis_buccal");
+  EXPECT_NEAR(occlusal.z(), std::cos(units::from_degree(25)), 1e-5);
+  EXPECT_NEAR(occlusal.x(), -occlusal.y(), 1e-5);  // towards buccal (+x) and mesial (-y) alike
+  EXPECT_GT(occlusal.x(), 0);
+  const Vec3 middle(6.1, 5.5, 14);
+  for (const Vec3& upright : {Vec3(8.5, 3.0, 18.2), Vec3(6, 5, 11), Vec3(3, 9, 7), Vec3(9, 9, 3)}) {
+    const Vec3 d = upright - middle;
+    const Vec3 x = middle + d.x() * buccal - d.y() * mesial + d.z() * occlusal;
+    const ToothSample there = sample_variant(x, tilted), here = sample_molar(upright);
+    EXPECT_NEAR(there.solid, here.solid, 1e-4);
+    for (int k = 0; k < 3; ++k) EXPECT_NEAR(there.tissue[k], here.tissue[k], 1e-4);
+    EXPECT_EQ(there.label, here.label);
+  }
+  MolarOptions plain;
+  plain.voxel = 0.4;
+  const auto volume = remaining_volumes_mm3(tooth),
+             truth = remaining_volumes_mm3(make_molar(plain));
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(volume[k] / truth[k], 1, 0.01) << k;
+}
+
+TEST(MolarVariants, AWornOneIsFlatAndARootlessOneEndsBelowTheNeck) {
+  MolarOptions options;
+  options.worn = 1.5;
+  options.rootless = true;
+  const double top = 19.1 - 1.5;
+  EXPECT_LT(sample_variant({3.1, 3.2, top - 0.01}, options).solid, 0);
+  EXPECT_EQ(sample_variant({3.1, 3.2, top - 0.01}, options).label, Tissue::kEnamel);
+  EXPECT_NEAR(sample_variant({3.1, 3.2, top + 0.3}, options).solid, 0.3, 1e-5);
+  EXPECT_EQ(sample_variant({3.1, 3.2, top + 0.3}, options).label, Tissue::kAir);
+  EXPECT_GT(sample_variant({6.1, 5.5, 10.5}, options).solid, 0);
+  EXPECT_LT(sample_variant({6.1, 7.5, 10.7}, options).solid, 0);
+  // Between the cuts it is the molar.
+  for (const Vec3& x : {Vec3(6, 5, 14), Vec3(1.2, 5, 14), Vec3(6, 5, 12)})
+    EXPECT_EQ(sample_variant(x, options).solid,
+              std::max({sample_molar(x).solid, static_cast<float>(x.z() - top),
+                        static_cast<float>(10.6 - x.z())}));
+}
+
+TEST(MolarVariants, APremolarHasTwoCuspsOneRootAndThreeTissuesInOnePieceEach) {
+  MolarOptions options;
+  options.premolar = true;
+  options.voxel = 0.2;
+  const LayeredTooth tooth = make_molar(options);
+  const auto volume = remaining_volumes_mm3(tooth);
+  EXPECT_GT(volume[0], 80);
+  EXPECT_GT(volume[1], 200);
+  EXPECT_GT(volume[2], 5);
+  double low = 1e9, high = -1e9, left = 1e9, right = -1e9;
+  for (double z = 1; z < 19.4; z += 0.1)
+    for (double v = 0; v < 11; v += 0.1) {
+      if (sample_variant({6.1, v, z}, options).solid < 0) {
+        low = std::min(low, v), high = std::max(high, v);
+      }
+      if (sample_variant({v, 5.5, z}, options).solid < 0) {
+        left = std::min(left, v), right = std::max(right, v);
+      }
+    }
+  EXPECT_NEAR(high - low, 7.0, 0.6);    // mesiodistally
+  EXPECT_NEAR(right - left, 8.2, 0.7);  // buccolingually
+  // Along the middle from buccal to lingual: two tips, a fissure between them.
+  const auto height = [&](double x) {
+    double z = 19.4;
+    while (z > 12 && sample_variant({x, 5.5, z}, options).solid > 0) z -= 0.01;
+    return z;
+  };
+  EXPECT_GT(height(6.1 + 0.8 * 2.85), height(6.1) + 1.5);
+  EXPECT_GT(height(6.1 - 0.8 * 3.0), height(6.1) + 1.2);
+  for (const double z : {3.0, 6.0, 8.0})  // one root, with its canal in the middle
+    EXPECT_LT(sample_variant({6.1 + 1.0, 5.5, z}, options).solid, 0) << z;
+  EXPECT_EQ(sample_variant({6.1, 5.5 + 0.67 * 0.1, 6.0}, options).label, Tissue::kPulp);
+}
+
+TEST(MolarVariants, RefuseWhatIsNoTooth) {
+  MolarOptions options;
+  options.worn = 5;
+  EXPECT_THROW(static_cast<void>(make_molar(options)), Error);
+  options.worn = 0;
+  options.tilt_deg = 200;
+  EXPECT_THROW(static_cast<void>(make_molar(options)), Error);
+  options.tilt_deg = std::nan("");
+  EXPECT_THROW(static_cast<void>(make_molar(options)), Error);
 }
 
 }  // namespace

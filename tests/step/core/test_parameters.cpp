@@ -51,6 +51,8 @@ std::string bits(const Parameters& p) {
   add(p.coupling.damping);
   add(p.coupling.bur_mass);
   add(p.coupling.attached_without_contact);
+  add(p.load.max_speed);
+  for (const double x : p.load.rail) add(x);
   add(p.time_step);
   add(static_cast<int>(p.engine));
   add(p.element_size);
@@ -211,6 +213,9 @@ TEST(Parameters, WhatCannotBeIsRefusedByName) {
       {"[coupling]\nstiffness_n_per_mm = 0", "coupling.stiffness_n_per_mm"},
       {"[coupling]\ndamping_n_s_per_mm = -0.1", "coupling.damping_n_s_per_mm"},
       {"[coupling]\nbur_mass_g = 0", "coupling.bur_mass_g"},
+      {"[load]\nmax_speed_mm_s = 0", "load.max_speed_mm_s: must be positive"},
+      {"[load]\nrail = [0, 0, 0]", "load.rail: has no direction"},
+      {"[load]\nrail = [0, 1]", "load.rail"},
       {"[step]\ntime_step_s = 0", "step.time_step_s: must be positive"},
       {"[step]\ntime_step_s = 0.11", "step.time_step_s: must be at most 0.1"},
       {"[engine]\nkind = 'octree'", "engine.kind"},

@@ -225,6 +225,40 @@ TEST(LayeredTooth, CarvingTheSolidCarvesItsTissuesAndKeepsTheAnatomy) {
   EXPECT_EQ(tooth_sha256(again), tooth_sha256(tooth));
 }
 
+TEST(LayeredTooth, TwoCutsLeaveWhatTheirUnionLeavesAndKeepTheIntactSurface) {
+  const LayeredTooth intact = layers(0.6);
+  const auto band = static_cast<float>(intact.band());
+  const auto ball = [&](const Vec3& centre) {  // as a bur's cut: negative where nothing was cut
+    LevelSet cut(intact.solid.first_brick(), intact.solid.brick_counts(), -band, {band});
+    std::array<float, kBrickVoxels> phi;
+    for (std::size_t b = 0; b < cut.table_size(); ++b) {
+      for (int v = 0; v < kBrickVoxels; ++v) {
+        const Index3 i = cut.brick_origin(b) + Index3(v >> 6, v >> 3 & 7, v & 7);
+        phi[v] = std::clamp(static_cast<float>(0.5 - (intact.lattice.to_world(i) - centre).norm()),
+                            -band, band);
+      }
+      cut.set_brick(b, phi.data());
+    }
+    return cut;
+  };
+  const LevelSet one = ball(Vec3(0, 1, 0)), two = ball(Vec3(0.3, 1, 0.2));
+  LayeredTooth tooth = intact;
+  apply_cut(tooth, one);
+  apply_cut(tooth, two);
+  ASSERT_TRUE(tooth.parts);
+  EXPECT_LT(volume_mm3(tooth.solid, 0.1), volume_mm3(intact.solid, 0.1) - 0.2);
+  for (std::size_t b = 0; b < one.table_size(); ++b)
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const float both = std::max(one.brick(b)[v], two.brick(b)[v]);
+      ASSERT_EQ(tooth.parts->intact.brick(b)[v], intact.solid.brick(b)[v]);
+      ASSERT_EQ(tooth.parts->cut.brick(b)[v], -both);
+      ASSERT_EQ(tooth.solid.brick(b)[v], std::max(intact.solid.brick(b)[v], both));
+    }
+  // Of a solid whose history isn't known there are no parts.
+  apply_remaining_solid(tooth, intact.solid);
+  EXPECT_FALSE(tooth.parts);
+}
+
 TEST(LayeredTooth, LatticeConvertsBothWays) {
   const Lattice lattice = lattice_of(0.05, Vec3(-100, 20, 3));
   const Index3 i(7, -8, 9);

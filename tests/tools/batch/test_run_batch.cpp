@@ -1,7 +1,10 @@
 // Batches of a stand-in program, a shell script: what crashes, hangs or is interrupted, and what is
 // done.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <signal.h>
+#include <sys/file.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -42,7 +45,7 @@ case $mode in
   garbage) echo x > out.bin; echo "not json"; exit 0;;
   slow) sleep 0.2;;
 esac
-tr a-z A-Z < "$input" > out.bin
+tr a-z A-Z < "$input" > out.bin || exit 1
 size=$(wc -c < "$input")
 printf '{"schema": "x", "bytes": %d, "half": %d.5, "time_us": %d, "ok": true, "group": {"b": 2, "a": 1},
  "criteria": [{"key": "depth_mm", "points": 3.25, "why": "a, \\"b\\""}], "list": [1, 2], "none": null}' $size $size $$
@@ -301,6 +304,65 @@ TEST_F(RunBatch, TellsWhenTheProgramCannotBeStarted) {
   const BatchResult result = run({{"one", "good"}});
   EXPECT_EQ(result.rows[0].status, "failed");
   EXPECT_THAT(result.rows[0].reason, HasSubstr("cannot be started"));
+}
+
+TEST_F(RunBatch, SaysAfterTheFirstItemThatTheOthersWillFillTheDisk) {
+  std::vector<std::string> warnings;
+  options_.warn = [&](const std::string& line) { warnings.push_back(line); };
+  for (const char* name : {"one", "two", "three"})
+    put(std::string(name) + ".txt", std::string(200'000, 'a'));
+  options_.free_disk = [] { return 300'000.0; };  // an item writes 200 kB and three small files
+  run({{"one", "good"}, {"two", "good"}});
+  EXPECT_THAT(warnings, ElementsAre());
+  options_.redo = true;
+  run({{"one", "good"}, {"two", "good"}, {"three", "good"}});
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], HasSubstr("2 more items like 'one'"));
+  EXPECT_THAT(warnings[0], HasSubstr("0.3 MB are free"));
+}
+
+TEST_F(RunBatch, RefusesAFolderWhereAnotherBatchIsAtWork) {
+  run({{"one", "good"}});
+  const int other = open((path("out") + "/.batch.lock").c_str(), O_RDWR | O_CLOEXEC);
+  ASSERT_EQ(flock(other, LOCK_EX | LOCK_NB), 0);
+  EXPECT_THAT(error_of([&] { run({{"one", "good"}}); }), HasSubstr("another batch is at work"));
+  close(other);
+  EXPECT_EQ(run({{"one", "good"}}).run, 0u);
+}
+
+// No decision by the clock: files of the future or the past are as good as others.
+TEST_F(RunBatch, IsNotMisledByAClockThatIsWrong) {
+  namespace fs = std::filesystem;
+  run({{"one", "good"}, {"two", "good"}});
+  const auto now = fs::file_time_type::clock::now();
+  for (const auto& file : fs::recursive_directory_iterator(path("out") + "/one"))
+    fs::last_write_time(file.path(), now + std::chrono::hours(100'000));
+  fs::last_write_time(path("two.txt"), now - std::chrono::hours(100'000));
+  EXPECT_EQ(run({{"one", "good"}, {"two", "good"}}).run, 0u);
+  // An input that changed counts, however old its date.
+  put("two.txt", "changed");
+  fs::last_write_time(path("two.txt"), now - std::chrono::hours(100'000));
+  EXPECT_EQ(run({{"one", "good"}, {"two", "good"}}).run, 1u);
+}
+
+// A file-size limit stands for a disk that is full: what could not be written failed, and runs
+// when there is space again.
+TEST_F(RunBatch, WhatAFullDiskStoppedRunsLater) {
+  put("two.txt", std::string(100'000, 'a'));
+  const pid_t limited = fork();
+  if (limited == 0) {
+    const rlimit limit{50'000, 50'000};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    const BatchResult result = run({{"one", "good"}, {"two", "good"}});
+    _exit(result.failed == 1 && result.rows.size() == 2 && result.rows[1].failed() ? 0 : 1);
+  }
+  int status = 0;
+  waitpid(limited, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  EXPECT_FALSE(exists("out/two/out.bin"));
+  const BatchResult after = run({{"one", "good"}, {"two", "good"}});
+  EXPECT_EQ(after.run, 1u);
+  EXPECT_EQ(after.failed, 0u);
 }
 
 TEST(ItemTable, QuotesAsCsvNeedsIt) {

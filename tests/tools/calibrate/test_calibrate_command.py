@@ -36,6 +36,24 @@ class Calibration(CommandTest):
     def file(self, name):
         return Path(self.folder) / name
 
+    def rewritten(self, name, change, extra=None):
+        """rig.csv with its rows changed; `extra` is a column that is added."""
+        head, *rows = self.file("rig.csv").read_text().splitlines()
+        columns = head.split(",")
+        changed = [change(dict(zip(columns, row.split(",")))) for row in rows]
+        names = columns + ([extra] if extra else [])
+        self.write(name, "\n".join([",".join(names), *(",".join(str(row[key]) for key in names) for row in changed)]) + "\n")
+
+    def test_positions_in_metres_are_refused_as_such_and_not_for_their_forces(self):
+        self.rewritten("metres.csv", lambda row: {**row, **{key: float(row[key]) / 1000 for key in ("x_mm", "y_mm", "z_mm")}})
+        self.refused("positions in metres", "calibrate", "--tooth", "block.vdb", "--measured", "metres.csv", *BUR, "-o", "m.json")
+
+    def test_a_recorded_speed_in_rpm_is_named(self):
+        self.rewritten("rpm.csv", lambda row: {**row, "rotation_rate_rev_s": 120000}, "rotation_rate_rev_s")
+        done = self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rpm.csv", *BUR, "--bootstrap", "50", "-o", "r.json")
+        self.assertIn("likely cause: rpm: it would be 2000 rev/s", done.stderr)
+        self.assertTrue(any("rpm" in warning for warning in json.loads(self.file("r.json").read_text())["warnings"]))
+
     def test_csv_to_parameters_to_replay(self):
         self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", *BUR, "--estimate", "delay", "-o",
                       "fit.json", "--params-out", "fit.toml", "--report", "report", "--no-plots")

@@ -186,7 +186,8 @@ bad("negative_buttons", "/handle/buttons, row 0: must be a whole number",
     replace("handle/buttons", np.full(n, -1)))
 bad("measured_no_unit", "/force/measured: has no attribute `units`",
     lambda f: f.create_dataset("force/measured", data=np.zeros((n, 3))))
-bad("newer", "schema_version: is 2", lambda f: f.attrs.__setitem__("schema_version", 2))
+bad("newer", "schema_version: is 3", lambda f: f.attrs.__setitem__("schema_version", 3))
+bad("no_events", "event_burs: is missing", lambda f: f.attrs.__setitem__("schema_version", 2))
 bad("version_text", "schema_version: must be one number",
     lambda f: f.attrs.__setitem__("schema_version", "1"))
 

@@ -3,7 +3,7 @@
 #include <array>
 #include <thread>
 
-#include "toothprep/tools/files/spsc_ring.h"
+#include "toothprep/step/core/spsc_ring.h"
 
 namespace toothprep {
 namespace {

@@ -5,6 +5,8 @@
 #include <openvdb/openvdb.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -139,6 +141,84 @@ TEST_F(ToothFile, CarvedAwayTeethKeepTheirAnatomy) {
   const LayeredTooth again = read_tooth(path("a.vdb"));
   EXPECT_EQ(tooth_sha256(again), tooth_sha256(tooth));
   EXPECT_EQ(volume_mm3(again.solid, again.lattice.voxel), 0);
+}
+
+// A ball of 0.6 mm cut out of the block's middle, as Workpiece::cut() gives it.
+LayeredTooth cut_block() {
+  LayeredTooth tooth = small_block();
+  const auto band = static_cast<float>(tooth.band());
+  const Box box = bounds_of_solid(tooth);
+  const Vec3 middle = 0.5 * (box.min + box.max);
+  LevelSet cut(tooth.solid.first_brick(), tooth.solid.brick_counts(), -band, {band});
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const Vec3 x =
+          tooth.lattice.to_world(cut.brick_origin(b) + Index3(v >> 6, (v >> 3) & 7, v & 7));
+      values[v] = std::clamp(static_cast<float>(0.6 - (x - middle).norm()), -band, band);
+    }
+    cut.set_brick(b, values.data());
+  }
+  apply_cut(tooth, cut);
+  return tooth;
+}
+
+TEST_F(ToothFile, APreparedToothKeepsItsIntactSurfaceAndTheCut) {
+  const LayeredTooth tooth = cut_block();
+  ASSERT_LT(volume_mm3(tooth.solid, 0.1), volume_mm3(tooth.parts->intact, 0.1) - 0.5);
+  write_tooth(tooth, path("a.vdb"));
+  const LayeredTooth again = read_tooth(path("a.vdb"));
+  ASSERT_TRUE(again.parts);
+  for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
+    const Index3 f = tooth.solid.brick_origin(b);
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const Index3 i = f + Index3(v >> 6, (v >> 3) & 7, v & 7);
+      ASSERT_EQ(again.parts->intact.value(i.x(), i.y(), i.z()), tooth.parts->intact.brick(b)[v]);
+      ASSERT_EQ(again.parts->cut.value(i.x(), i.y(), i.z()), tooth.parts->cut.brick(b)[v]);
+      ASSERT_EQ(again.solid.value(i.x(), i.y(), i.z()),
+                std::max(tooth.parts->intact.brick(b)[v], -tooth.parts->cut.brick(b)[v]));
+    }
+  }
+  write_tooth(again, path("b.vdb"));
+  EXPECT_EQ(bytes_of(path("a.vdb")), bytes_of(path("b.vdb")));
+  resave(path("a.vdb"), path("c.vdb"), [](Grids& g) {
+    for (auto& [name, grid] : g)
+      if (name != "tissue") grid->setSaveFloatAsHalf(true);
+  });
+  EXPECT_TRUE(read_tooth(path("c.vdb")).parts) << "half floats are no contradiction";
+}
+
+TEST_F(ToothFile, AnIntactToothHasNoParts) {
+  write_tooth(small_block(), path("a.vdb"));
+  EXPECT_FALSE(read_tooth(path("a.vdb")).parts);
+  resave(path("a.vdb"), path("b.vdb"), [](Grids& g) {
+    EXPECT_EQ(g.count("cut"), 0u);
+    EXPECT_EQ(g.count("intact"), 0u);
+  });
+}
+
+TEST_F(ToothFile, PartsThatDoNotMakeTheSolidAreRefusedByName) {
+  write_tooth(cut_block(), path("a.vdb"));
+  const auto refused = [&](const std::function<void(Grids&)>& change) {
+    resave(path("a.vdb"), path("b.vdb"), change);
+    return refusal(path("b.vdb"));
+  };
+  EXPECT_THAT(refused([](Grids& g) { g.erase("intact"); }),
+              HasSubstr("grid 'intact': is missing, though there is 'cut'"));
+  EXPECT_THAT(refused([](Grids& g) { g.erase("cut"); }), HasSubstr("grid 'cut': is missing"));
+  EXPECT_THAT(refused([](Grids& g) {
+                floats(g, "cut").setTransform(openvdb::math::Transform::createLinearTransform(0.2));
+              }),
+              HasSubstr("grid 'cut': lies on another lattice"));
+  EXPECT_THAT(refused([](Grids& g) {
+                floats(g, "cut").beginValueOn().setValue(std::numeric_limits<float>::quiet_NaN());
+              }),
+              HasSubstr("grid 'cut': holds a value that is not a finite number"));
+  EXPECT_THAT(refused([](Grids& g) {
+                for (auto value = floats(g, "solid").beginValueOn(); value; ++value)
+                  value.setValue(*value + 0.002F);
+              }),
+              HasSubstr("grid 'solid': is not what 'cut' leaves of 'intact'"));
 }
 
 TEST_F(ToothFile, SameToothMakesTheSameBytesWhateverTheThreads) {

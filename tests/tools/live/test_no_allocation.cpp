@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "../../support/allocation_counter.h"
-#include "live_experiment.h"
+#include "controlled_session.h"
 
 namespace toothprep::testing {
 namespace {
@@ -31,6 +31,30 @@ TEST(NoAllocation, LiveTicksThatGrindAllocateNothing) {
   device.stop();
   EXPECT_GT(session.totals().removed[0], 0.1);
   EXPECT_EQ(rows.ticks.size(), 2999u);  // the last one waits for finish()
+}
+
+TEST(NoAllocation, PauseAndResumeAllocateNothingOnTheServosThread) {
+  Controlled c;
+  c.run(2900);
+  long before = allocations;
+  LiveCommand pause;
+  pause.kind = EventKind::kPause;
+  c.loop.post(pause);
+  c.run(100);
+  EXPECT_EQ(allocations, before);
+  ASSERT_TRUE(c.loop.paused());
+  c.intervals.end();
+  c.run(1300);
+  c.undo();
+  HandleSample first;
+  first.pose = c.loop.paused_handle();
+  LiveCommand resume;
+  resume.kind = EventKind::kResume;
+  resume.session = &c.intervals.begin(c.burs.burs[0], first);
+  before = allocations;
+  c.loop.post(resume);
+  c.run(3000);
+  EXPECT_EQ(allocations, before);
 }
 
 }  // namespace

@@ -4,9 +4,7 @@
 #include <CGAL/IO/PLY.h>
 #include <CGAL/Polygon_mesh_processing/IO/polygon_mesh_io.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
-#include <CGAL/Polygon_mesh_processing/orientation.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
-#include <CGAL/Polygon_mesh_processing/self_intersections.h>
 #include <CGAL/Surface_mesh.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,6 +18,7 @@
 #include <set>
 #include <sstream>
 
+#include "surfaces.h"
 #include "toothprep/proof/specimen/block.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
@@ -29,59 +28,14 @@ namespace toothprep {
 namespace {
 
 namespace pmp = CGAL::Polygon_mesh_processing;
-using Point = CGAL::Exact_predicates_inexact_constructions_kernel::Point_3;
-using Mesh = CGAL::Surface_mesh<Point>;
+
+using surfaces::box_distance;
+using surfaces::expect_valid;
+using surfaces::judged;
+using surfaces::Mesh;
+using surfaces::Point;
+using surfaces::tooth_of;
 using units::kPi;
-
-// CGAL's half-edge mesh with the same vertices and triangles; refuses what is not 2-manifold.
-Mesh judged(const TriangleMesh& surface) {
-  std::vector<Point> points;
-  for (const auto& v : surface.vertices) points.emplace_back(v.x(), v.y(), v.z());
-  std::vector<std::vector<std::size_t>> faces;
-  for (const auto& t : surface.triangles) faces.push_back({t[0], t[1], t[2]});
-  Mesh mesh;
-  EXPECT_TRUE(pmp::is_polygon_soup_a_polygon_mesh(faces)) << "an edge of more than two triangles";
-  pmp::polygon_soup_to_polygon_mesh(points, faces, mesh);
-  EXPECT_EQ(num_faces(mesh), surface.triangles.size());
-  EXPECT_EQ(num_vertices(mesh), surface.vertices.size()) << "a vertex of more than one fan";
-  return mesh;
-}
-
-void expect_valid(const TriangleMesh& surface) {
-  ASSERT_FALSE(surface.triangles.empty());
-  ASSERT_EQ(surface.tissue.size(), surface.vertices.size());
-  const Mesh mesh = judged(surface);
-  EXPECT_TRUE(mesh.is_valid());
-  EXPECT_TRUE(CGAL::is_closed(mesh));
-  EXPECT_TRUE(pmp::does_bound_a_volume(mesh)) << "outward, and cavities inward";
-  std::vector<std::pair<Mesh::Face_index, Mesh::Face_index>> pairs;
-  pmp::self_intersections<CGAL::Sequential_tag>(mesh, std::back_inserter(pairs));
-  EXPECT_EQ(pairs.size(), 0u) << "pairs of triangles that intersect";
-  for (const auto f : mesh.faces()) ASSERT_GT(pmp::face_area(f, mesh), 0);
-}
-
-// A tooth whose solid is one field, all of it dentin.
-LayeredTooth tooth_of(const std::function<double(const Vec3&)>& field, double half_size,
-                      double voxel) {
-  Lattice lattice;
-  lattice.voxel = voxel;
-  const int n = static_cast<int>(std::ceil(half_size / voxel)) + 4;
-  return build_tooth(
-      lattice, Index3::Constant(-n), Index3::Constant(n),
-      [&](const Vec3& x) {
-        ToothSample s;
-        s.solid = static_cast<float>(field(x));
-        s.tissue = {1e3F, s.solid, 1e3F};
-        if (s.solid < 0) s.label = Tissue::kDentin;
-        return s;
-      },
-      false);
-}
-
-double box_distance(const Vec3& x, const Vec3& half) {
-  const Vec3 q = x.cwiseAbs() - half;
-  return q.cwiseMax(0.0).norm() + std::min(q.maxCoeff(), 0.0);
-}
 
 // A cylinder of radius r from `a` on in direction `u` for ever, its end flat.
 double cutter_distance(const Vec3& x, const Vec3& a, const Vec3& u, double r) {

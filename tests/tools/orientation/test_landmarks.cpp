@@ -43,12 +43,26 @@ TEST(Landmarks, TwoEndsOrAMiddleServeToo) {
   EXPECT_LT((known.buccal.direction - Vec3::UnitX()).norm(), 1e-9);
 }
 
+TEST(Landmarks, APickedFossaStaysWhenTheToothIsLookedAtAgain) {
+  ToothFrame frame;
+  frame.fossa = parse_landmarks("fossa_mm = [1, 2, 3]", "marks.toml").fossa;
+  frame.fossa_picked = true;
+  std::map<std::string, std::string> texts;
+  record_frame(frame, texts);
+  const KnownAxes again = known_axes(recorded_frame(texts));
+  ASSERT_TRUE(again.fossa);
+  EXPECT_LT((*again.fossa - Vec3(1, 2, 3)).norm(), 1e-6);
+  KnownAxes other;
+  other.fossa = Vec3(0, 0, 1);
+  EXPECT_EQ(both(other, again).fossa->z(), 1);
+}
+
 TEST(Landmarks, WhatGivesNoDirectionIsRefusedByName) {
   const auto refused = [](const std::string& toml, const char* why) {
     EXPECT_THAT([&] { static_cast<void>(parse_landmarks(toml, "marks.toml")); },
                 ThrowsMessage<InputError>(HasSubstr(why)));
   };
-  refused("", "gives no direction");
+  refused("", "gives neither a direction nor a fossa");
   refused("mesial_mm = [0, 0, 1]", "mesial_mm: needs a second place; add distal_mm or middle_mm");
   refused("mesial_mm = [0, 0, 1]\ndistal_mm = [0, 0, 0.5]", "too near");
   refused("occlusal_mm = [[0,0,0],[1,0,0],[2,0,0]]\napical_mm = [0,0,-5]", "on a line");

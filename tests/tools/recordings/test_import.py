@@ -244,6 +244,37 @@ class Orientations(ImportTest):
         self.assertRegex(stderr, "--smooth-motion-ms")
 
 
+    def binary_log(self):
+        """A log as HAPI writes it, and its rows' size."""
+        half = np.arccos(np.clip(Truth.orientation[:, 3], -1, 1))
+        axis = Truth.orientation[:, :3] / np.maximum(np.sin(half), 1e-12)[:, None]
+        rows = np.zeros(COUNT, np.dtype([("time", "<f8"), ("position", "<f8", 3), ("orientation", "<f8", 4), ("force", "<f8", 3),
+                                         ("buttons", "<i4")]))
+        rows["time"], rows["position"], rows["force"] = Truth.time, Truth.position / 1e3, Truth.force
+        rows["orientation"], rows["buttons"] = np.column_stack([axis, 2 * half]), Truth.buttons
+        words = b"TIME POSITION ORIENTATION FORCE BUTTONS".split()
+        return b"".join(word + b"\0" for word in words) + b"\0" + rows.tobytes(), rows.itemsize
+
+    def test_binary_device_logs_of_hapi_are_exact(self):
+        whole, size = self.binary_log()
+        Path(self.path("device.dat")).write_bytes(whole)
+        data, facts, _ = self.imported("device.dat")
+        self.assert_true_path(data)
+        self.assertEqual(facts["kind"], "device log of H3D or HAPI, binary")
+        Path(self.path("cut.dat")).write_bytes(whole[:-5])
+        data, _, stderr = self.imported("cut.dat")
+        self.assertEqual(len(data["time"]), COUNT - 1)
+        self.assertIn(f"the last row is not whole ({size - 5} of {size} bytes)", stderr)
+
+    def test_damaged_binary_device_logs_are_refused(self):
+        whole, _ = self.binary_log()
+        for name, content, says in (("short.dat", whole[:60], "fewer than two samples"), ("head.dat", whole[:20], "header"),
+                                    ("word.dat", whole.replace(b"FORCE", b"FORGE", 1), "header"),
+                                    ("moved.dat", whole.replace(b"BUTTONS\0", b"", 1), "TIME")):
+            Path(self.path(name)).write_bytes(content)
+            self.refused(name, says=says)
+
+
 class Frames(ImportTest):
     def test_a_marker_a_tip_offset_and_a_frame_are_taken_off(self):
         to_world = multiply(about("z", 0.7), about("x", -0.4))[0]

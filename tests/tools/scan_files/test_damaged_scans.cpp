@@ -40,7 +40,7 @@ std::vector<Outcome> outcomes(const std::vector<Damage>& damages, const fs::path
     const pid_t child = fork();
     if (child == 0) {
       const rlimit memory{kMostMemory, kMostMemory}, no_core{0, 0};
-#if !defined(__SANITIZE_ADDRESS__)  // whose own address space is beyond it
+#if !defined(TOOTHPREP_SANITIZED)  // whose own address space is beyond it
       setrlimit(RLIMIT_AS, &memory);
 #else
       (void)memory;

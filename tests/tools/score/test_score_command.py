@@ -34,8 +34,9 @@ class Score(CommandTest):
         cls.run_ok("specimen", "molar", "--voxel-mm", "0.4", "-o", "molar.vdb")
         cls.run_ok("mesh", "p.vdb", "-o", "p.stl")
         cls.run_ok("mesh", "p.vdb", "-o", "p.ply")
+        cls.run_ok("mesh", "o.vdb", "-o", "o.stl")
         cls.run_ok(*BOX, "--position-mm", "40,0,0", "-o", "far.vdb")
-        stl = cls.read("p.stl")
+        stl = cls.read("o.stl")
         count = struct.unpack("<I", stl[80:84])[0]
         cls.write("open.stl", stl[:80] + struct.pack("<I", 40) + stl[84:84 + 50 * 40])
         cls.write("cut.vdb", cls.read("p.vdb")[:20000])

@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <map>
 
+#include "known_shells.h"
 #include "toothprep/proof/specimen/molar.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
@@ -25,13 +25,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using units::kPi;
 
-Shell numbered(Shell shell) {
-  shell.face.resize(shell.triangles.size());
-  for (std::size_t t = 0; t < shell.face.size(); ++t)
-    shell.face[t] = static_cast<std::uint32_t>(t + 1);
-  return shell;
-}
-
 // Twelve triangles; face 1 and 2 are the one at low z.
 Shell box(const Vec3& low, const Vec3& high) {
   Shell shell;
@@ -44,45 +37,8 @@ Shell box(const Vec3& low, const Vec3& high) {
   return numbered(shell);
 }
 
-void append(Shell& shell, const Shell& other) {
-  const auto offset = static_cast<std::uint32_t>(shell.points.size());
-  shell.points.insert(shell.points.end(), other.points.begin(), other.points.end());
-  for (auto t : other.triangles) {
-    for (auto& v : t) v += offset;
-    shell.triangles.push_back(t);
-  }
-  shell = numbered(shell);
-}
-
 void turn_inside_out(Shell& shell) {
   for (auto& t : shell.triangles) std::swap(t[1], t[2]);
-}
-
-// An octahedron whose triangles are cut in four `times` times, its points put on the sphere.
-Shell ball(double radius, const Vec3& centre, int times) {
-  Shell shell;
-  shell.file = "ball.stl";
-  shell.points = {Vec3::UnitX(),  -Vec3::UnitX(), Vec3::UnitY(),
-                  -Vec3::UnitY(), Vec3::UnitZ(),  -Vec3::UnitZ()};
-  shell.triangles = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4},
-                     {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
-  for (int n = 0; n < times; ++n) {
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
-    const auto middle = [&](std::uint32_t a, std::uint32_t b) {
-      const auto [place, fresh] =
-          middles.try_emplace(std::minmax(a, b), static_cast<std::uint32_t>(shell.points.size()));
-      if (fresh) shell.points.push_back((shell.points[a] + shell.points[b]).normalized());
-      return place->second;
-    };
-    std::vector<std::array<std::uint32_t, 3>> finer;
-    for (const auto& [a, b, c] : shell.triangles) {
-      const auto ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
-      finer.insert(finer.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
-    }
-    shell.triangles = finer;
-  }
-  for (Vec3& p : shell.points) p = centre + radius * p;
-  return numbered(shell);
 }
 
 LayeredTooth voxelized(const std::vector<TissueShell>& shells, double voxel,
@@ -148,7 +104,7 @@ TEST(Shells, ABlockHasItsVolume) {
 TEST(Shells, ABallHasItsVolumeAndItsDistances) {
   const double radius = 4;
   const Vec3 centre(10.013, -3.007, 25.021);
-  const Shell shell = ball(radius, centre, 7);
+  const Shell shell = octahedral_ball(radius, centre, 7);
   ASSERT_THAT(shell_faults(shell), IsEmpty());
   const LayeredTooth tooth = voxelized({{Tissue::kEnamel, shell}}, 0.1);
   const double exact = 4.0 / 3 * kPi * std::pow(radius, 3);
@@ -184,8 +140,9 @@ TEST(Shells, AHullAndACapMakeTheSameTooth) {
 }
 
 TEST(Shells, TheInnermostShellWins) {
-  const Shell enamel = ball(4, Vec3::Zero(), 5), dentin = ball(3, Vec3::Zero(), 5),
-              pulp = ball(1, Vec3::Zero(), 4);
+  const Shell enamel = octahedral_ball(4, Vec3::Zero(), 5),
+              dentin = octahedral_ball(3, Vec3::Zero(), 5),
+              pulp = octahedral_ball(1, Vec3::Zero(), 4);
   const LayeredTooth tooth =
       voxelized({{Tissue::kEnamel, enamel}, {Tissue::kPulp, pulp}, {Tissue::kDentin, dentin}}, 0.1);
   const auto sphere = [](double r) { return 4.0 / 3 * kPi * r * r * r; };
@@ -326,15 +283,15 @@ TEST(Shells, NotesTellOfShellsThatDoNotMeetOrVanish) {
 }
 
 TEST(Shells, TheSameBitsWhateverTheThreadCount) {
-  const std::vector<TissueShell> shells{{Tissue::kEnamel, ball(3, Vec3(1, 2, 3), 4)},
-                                        {Tissue::kDentin, ball(2, Vec3(1, 2, 3), 4)}};
+  const std::vector<TissueShell> shells{{Tissue::kEnamel, octahedral_ball(3, Vec3(1, 2, 3), 4)},
+                                        {Tissue::kDentin, octahedral_ball(2, Vec3(1, 2, 3), 4)}};
   const std::string many = tooth_sha256(voxelized(shells, 0.1));
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   EXPECT_EQ(tooth_sha256(voxelized(shells, 0.1)), many);
 }
 
 TEST_F(ShellFiles, EveryFormatGivesTheSameShell) {
-  const Shell shell = ball(4, Vec3(1, 2, 3), 2);
+  const Shell shell = octahedral_ball(4, Vec3(1, 2, 3), 2);
   std::string text = "solid ball\n";
   std::string off = "OFF\n# a ball\n" + std::to_string(shell.points.size()) + " " +
                     std::to_string(shell.triangles.size()) + " 0\n";
@@ -369,8 +326,8 @@ TEST_F(ShellFiles, EveryFormatGivesTheSameShell) {
 }
 
 TEST_F(ShellFiles, DamagedFilesAreRefused) {
-  write(ball(4, Vec3::Zero(), 2), path("good.stl"));
-  write(ball(4, Vec3::Zero(), 2), path("good.ply"));
+  write(octahedral_ball(4, Vec3::Zero(), 2), path("good.stl"));
+  write(octahedral_ball(4, Vec3::Zero(), 2), path("good.ply"));
   const std::string stl = text_of(path("good.stl")), ply = text_of(path("good.ply"));
   EXPECT_THAT(refusal(path("absent.stl")), HasSubstr("does not exist"));
   EXPECT_THAT(refusal(written("empty.stl", "")), HasSubstr("is empty"));
@@ -396,8 +353,8 @@ TEST_F(ShellFiles, DamagedFilesAreRefused) {
 }
 
 TEST_F(ShellFiles, SizesThatCannotBeMillimetresAreRefused) {
-  write(ball(4000, Vec3::Zero(), 2), path("um.stl"));
-  write(ball(0.004, Vec3::Zero(), 2), path("m.stl"));
+  write(octahedral_ball(4000, Vec3::Zero(), 2), path("um.stl"));
+  write(octahedral_ball(0.004, Vec3::Zero(), 2), path("m.stl"));
   EXPECT_THAT(refusal(path("um.stl")), AllOf(HasSubstr("8000 mm"), HasSubstr("micrometres")));
   EXPECT_THAT(refusal(path("m.stl")), AllOf(HasSubstr("0.008 mm"), HasSubstr("metres")));
 }

@@ -115,6 +115,8 @@ Recording slot_recording(const LayeredTooth& tooth) {
               {},
               {},
               {},
+              {},
+              {},
               {}};
   Workpiece workpiece(tooth);
   r.rows = replay(r.bur, workpiece, r.parameters, r.drive, r.path).rows;

@@ -3,6 +3,7 @@
 Usage: test_page.py TOOTHPREP SOURCE_FOLDER [PICTURES]: pictures of the page are left in that folder.
 """
 import io
+import json
 import os
 import sys
 import unittest
@@ -104,14 +105,15 @@ class Replay(PageTest):
             self.assertIsNone(state["lamps"]["fault"])  # a trace knows nothing of a device
 
     def test_the_tooth_is_the_one_of_the_moment_in_any_order(self):
-        def triangles(tooth):
-            self.run_ok("mesh", tooth, "-o", "surface.ply", "--force")
-            header = self.read("surface.ply").split(b"end_header")[0].decode()
-            return int(header.split("element face ")[1].split()[0])
+        def triangles(tooth):  # of the tooth's file, shown alone
+            self.show(tooth)
+            return self.browser.state()["triangles"]
+        whole, cut = triangles("block.vdb"), triangles("prepared.vdb")
+        self.run_ok("mesh", "block.vdb", "-o", "surface.ply", "--force")
+        self.assertIn(f"element face {whole}\n", self.read("surface.ply").split(b"end_header")[0].decode())
         self.show("trace.h5", "--tooth", "block.vdb")
         seek = lambda time: self.browser.run(f"window.toothprep.seek({time})")
         end = self.trace["time"][-1]
-        whole, cut = triangles("block.vdb"), triangles("prepared.vdb")
         self.assertNotEqual(whole, cut)
         self.browser.wait_for("window.toothprep.state().recomputed.finished")
         self.assertEqual(seek(end)["triangles"], cut)
@@ -197,6 +199,140 @@ class Replay(PageTest):
         self.assertNotEqual(self.browser.state()["triangles_before"], self.browser.state()["triangles"])
 
 
+    FRAMES = "new Promise((r) => requestAnimationFrame(() => requestAnimationFrame(r)))"
+
+    def pixels(self, name):
+        self.browser.run("new Promise((r) => setTimeout(r, 400))")  # at rest: all pixels
+        self.browser.run(self.FRAMES)
+        return 255 * matplotlib.image.imread(io.BytesIO(self.picture(name)))[..., :3]
+
+    def test_two_eyes_see_it_side_by_side_and_in_red_and_cyan(self):
+        self.show("trace.h5", "--tooth", "block.vdb")
+        self.browser.run(f"window.toothprep.seek({0.5 * self.trace['time'][-1]})")
+        self.browser.run("window.toothprep.stereo('side')")
+        image = self.pixels("side-by-side")
+        box = self.browser.run("(() => { const r = document.getElementById('picture').getBoundingClientRect();"
+                               " return [r.left, r.top, r.right, r.bottom].map(Math.round); })()")
+        middle = (box[0] + box[2]) // 2
+        half = (slice(box[1] + 90, box[3] - 60),)
+        left, right = image[half + (slice(box[0], middle),)].max(axis=-1), image[half + (slice(middle, box[2]),)].max(axis=-1)
+        for eye in (left, right):
+            self.assertGreater((eye > 120).mean(), 0.05)  # the tooth is in both
+        both = min(left.shape[1], right.shape[1])
+        self.assertGreater((abs(left[:, :both] - right[:, :both]) > 30).mean(), 0.002)  # and not the same
+        self.browser.run("window.toothprep.stereo('anaglyph')")
+        image = self.pixels("anaglyph")[half + (slice(box[0], box[2]),)]
+        red, cyan = image[..., 0], image[..., 1:].mean(axis=-1)
+        self.assertGreater(((red > cyan + 60) | (cyan > red + 60)).mean(), 0.002)  # edges apart
+        self.browser.run("window.toothprep.stereo('off')")
+        self.assertEqual(self.browser.state()["stereo"], "off")
+
+    def test_the_mirror_reflects_the_scene_and_is_dragged(self):
+        self.show("trace.h5", "--tooth", "block.vdb")
+        self.browser.run("window.toothprep.mirror(true)")
+        with_tooth = self.pixels("mirror")
+        mirror = self.browser.state()["mirror"]
+        self.assertGreater(mirror["reflections"], 0)
+        x, y = self.on_screen(mirror["position"])
+        glass = (slice(y - 25, y + 25), slice(x - 25, x + 25))
+        self.assertGreater(with_tooth[glass].max(), 110)  # the tooth, brighter than what is behind all
+        self.browser.drag((x, y), (x - 60, y - 30))
+        moved = self.browser.state()["mirror"]["position"]
+        self.assertGreater(length(np.subtract(moved, mirror["position"])), 0.5)
+        camera = self.browser.state()["camera"]["position"]
+        self.browser.run("window.toothprep.mirror(false)")
+        self.assertIsNone(self.browser.state()["mirror"])
+        self.assertEqual(self.browser.state()["camera"]["position"], camera)  # the drag was the mirror's
+
+    def test_sounds_follow_the_drill_and_the_lamps_and_are_switched_off(self):
+        self.show("trace.h5", "--tooth", "block.vdb")
+        stall = self.browser.state()["moments"]["stalls"][0]
+        self.assertFalse(self.browser.state()["sound"]["on"])
+        x, y = self.browser.run("(() => { const r = document.getElementById('sound').getBoundingClientRect();"
+                                " return [r.left + r.width / 2, r.top + r.height / 2]; })()")
+        self.browser.drag((x, y), (x, y))  # a click of the user: browsers want one
+        self.browser.wait_for("window.toothprep.state().sound.on")
+        state = self.browser.run("(window.toothprep.play(true), window.toothprep.seek(0.1), window.toothprep.state().sound)")
+        self.assertEqual((state["drill_hz"], state["sounding"]), (420, []))  # without load
+        state = self.browser.run(f"(window.toothprep.seek({stall}), window.toothprep.state().sound)")
+        self.assertEqual((state["drill_hz"], state["sounding"]), (0, ["stall"]))
+        self.browser.run("document.getElementById('lamp-stall').click()")
+        state = self.browser.run(f"(window.toothprep.seek({stall}), window.toothprep.state().sound)")
+        self.assertEqual((state["sounding"], state["muted"]), ([], ["stall"]))
+        self.browser.run("document.getElementById('sound').click()")
+        self.assertFalse(self.browser.state()["sound"]["on"])
+
+    def test_two_recordings_lie_over_each_other(self):
+        self.run_ok("replay", "--tooth", "block.vdb", "--bur", "cylinder:D1.2xL3.0", "--trajectory", "path.toml", "-o", "free.h5",
+                    "--force")
+        self.show("trace.h5", "free.h5", "--tooth", "block.vdb")
+        with h5py.File(self.path("free.h5")) as file:
+            time, bur = file["time"][()], file["bur/position"][()]
+        row = int(0.8 * len(time))
+        state = self.browser.run(f"window.toothprep.seek({time[row]!r})")
+        self.assertEqual(state["other"]["time"], time[row])
+        np.testing.assert_allclose(state["other"]["bur"], bur[row], rtol=1e-6, atol=1e-6)
+        self.assertGreater(length(np.subtract(state["other"]["bur"], state["bur"])), 0.01)  # one stalled
+        self.pixels("two-recordings")
+
+
+class Scored(PageTest):
+    """The report of a score, alone in an empty folder, and the page of what it wrote."""
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.run_ok("specimen", "cavity", "-o", "cut.vdb", "--original", "whole.vdb", "--target", "target.vdb", "--voxel-mm", "0.2",
+                   "--offset-mm", "0.15")
+        cls.run_ok("score", "--original", "whole.vdb", "--prepared", "cut.vdb", "--target", "target.vdb", "--type", "class1",
+                   "-o", "score.json", "--report", "report")
+
+    def test_the_report_holds_the_scene_and_loads_nothing(self):
+        page = Path(self.path("report")) / "report.html"
+        self.assertLess(page.stat().st_size, 5e6)
+        self.browser.complaints.clear()
+        self.browser.open(page.as_uri())
+        self.browser.wait_for("window.toothprep && window.toothprep.state().ready")
+        state = self.browser.state()
+        self.assertTrue(state["deviation"])
+        self.assertGreater(state["triangles"], 10000)
+        self.assertGreater(state["triangles_before"], 10000)
+        self.browser.run("document.getElementById('scene').scrollIntoView()")
+        self.browser.run("new Promise((r) => setTimeout(r, 400))")
+        self.picture("report")
+        self.browser.run("(() => { const w = document.getElementById('wipe'); w.value = 0.5; w.dispatchEvent(new Event('input')); })()")
+        self.browser.wait_for("window.toothprep.state().wipe === 0.5")
+        self.assertEqual(self.browser.run("performance.getEntriesByType('resource').length"), 0)
+
+    def test_without_webgl_the_report_shows_its_pictures(self):
+        page = (Path(self.path("report")) / "report.html").read_text(encoding="utf-8")
+        start, end = page.index("<script>//<![CDATA["), page.index("</script>", page.index("<script>//<![CDATA["))
+        (Path(self.folder) / "other.html").write_text(page[:start] + "<script>1" + page[end:], encoding="utf-8")
+        self.browser.open((Path(self.folder) / "other.html").as_uri())  # a script that the policy doesn't know
+        self.browser.wait_for("document.readyState === 'complete' && document.querySelector('figure img') !== null")
+        self.assertTrue(self.browser.run("document.getElementById('scene').hidden"))
+        self.assertGreater(self.browser.run("document.querySelectorAll('figure img').length"), 3)
+        self.assertTrue(any("Content Security Policy" in c for c in self.browser.complaints), self.browser.complaints)
+        self.browser.open("about:blank")
+        self.browser.run("0")
+        self.browser.complaints.clear()
+
+    def test_the_page_shows_the_deviation_and_before_and_after(self):
+        self.show("report")
+        self.browser.run("window.toothprep.look('distal')")  # the mesh has no frame; the cavity opens to +y
+        self.browser.run("new Promise((r) => setTimeout(r, 400))")
+        red_blue = 255 * matplotlib.image.imread(io.BytesIO(self.picture("deviation")))[60:, :, :3]
+        blue = (red_blue[..., 2] > red_blue[..., 0] + 25).mean()  # 0.15 mm too much was taken
+        self.assertGreater(blue, 0.01)
+        self.browser.run("document.getElementById('deviation').click()")
+        self.browser.run("new Promise((r) => setTimeout(r, 400))")
+        plain = 255 * matplotlib.image.imread(io.BytesIO(self.browser.picture()))[60:, :, :3]
+        self.assertLess((plain[..., 2] > plain[..., 0] + 25).mean(), 0.5 * blue)
+        self.show("score.json")
+        state = self.browser.state()
+        self.assertEqual((state["kind"], state["wipe"]), ("surfaces", 0.5))
+        self.assertGreater(state["triangles"], 0)
+
+
 class Surfaces(PageTest):
     @classmethod
     def setUpClass(cls):
@@ -235,9 +371,9 @@ class Live(PageTest):
         # The bur starts when it was clear of the tooth for half a second.
         cls.write("path.toml", PATH.replace("speed_mm_s = 8.0", "speed_mm_s = 1.0", 1).replace("speed_mm_s = 2.5", "speed_mm_s = 0.4"))
 
-    def begin(self, name):
-        viewer = Viewer("--tooth", "block.vdb", "--bur", "cylinder:D1.2xL3.0", "--hand", "path.toml", "--no-real-time",
-                        "--duration-s", "250", "--view", "--no-open", "-o", name, cwd=self.folder, command="live")
+    def begin(self, name, *options, hand="path.toml", real_time=("--no-real-time",)):
+        viewer = Viewer("--tooth", "block.vdb", "--bur", "cylinder:D1.2xL3.0", "--hand", hand, *real_time, "--stale-s", "10",
+                        "--duration-s", "250", "--view", "--no-open", "-o", name, *options, cwd=self.folder, command="live")
         self.addCleanup(viewer.end)
         self.addCleanup(self.browser.open, "about:blank")
         self.browser.complaints.clear()
@@ -271,6 +407,135 @@ class Live(PageTest):
             self.assertEqual(rows["time"][row], state["time"])
             for key, name in (("bur", "bur/position"), ("handle", "handle/position"), ("force", "force/device")):
                 np.testing.assert_allclose(state[key], rows[name][row], rtol=1e-6, atol=1e-6)
+
+    def test_the_mirror_moves_as_the_second_device_does(self):
+        self.write("mirror.toml", "rate_hz = 100\nstart_mm = [-6, 5, 0]\naxis = [0, 0.6, 0.8]\n[[segment]]\nkind = \"line\"\n"
+                                  "to_mm = [6, 5, 3]\nspeed_mm_s = 1\n")
+        viewer = self.begin("mirrored.h5", "--mirror-hand", "mirror.toml")
+        self.browser.run("window.toothprep.mirror(true)")
+        self.browser.wait_for("window.toothprep.state().time > 1")
+        early = self.browser.state()
+        self.browser.wait_for(f"window.toothprep.state().time > {early['time'] + 1}")
+        late = self.browser.state()
+        moved = np.subtract(late["mirror"]["position"], early["mirror"]["position"])
+        self.assertGreater(length(moved), 0.5)
+        self.assertGreater(late["mirror"]["reflections"], early["mirror"]["reflections"])
+        self.finish(viewer, "mirrored.h5")
+        with h5py.File(self.path("mirrored.h5")) as file:
+            times, places = file["time"][()], file["mirror/position"][()]
+        place = {name: places[int(np.argmin(np.abs(times - state["time"])))] for name, state in (("early", early), ("late", late))}
+        np.testing.assert_allclose(moved, place["late"] - place["early"], atol=1e-4)
+
+    def click(self, name):
+        self.browser.run(f"document.getElementById('do-{name}').click()")
+
+    def wait_for_control(self, condition):
+        self.browser.wait_for(f"(() => {{ const c = window.toothprep.state().live.control; return c && {condition}; }})()")
+        return self.browser.state()["live"]["control"]
+
+    def test_is_paused_taken_back_changed_and_ended_from_the_page_and_replays_to_the_bit(self):
+        # Into the side and there for long: the tooth is moved away from the bur in the end.
+        self.write("in.toml", PATH.replace("speed_mm_s = 8.0", "speed_mm_s = 1.0", 1).replace("[[-1.0, -1.0, 0.0]]", "[[-2.0, -1.0, 0.0]]")
+                   .replace("speed_mm_s = 2.5", "speed_mm_s = 0.4").rsplit("[[segment]]", 1)[0] +
+                   '[[segment]]\nkind = "hold"\nduration_s = 200.0\n')
+        viewer = self.begin("controlled.h5", "--control", hand="in.toml", real_time=())
+        self.browser.wait_for("window.toothprep.state().removed_mm3 > 0.1")
+        self.click("undo")  # disabled: nothing is asked
+        self.browser.run("window.toothprep.control({do: 'undo'})")
+        self.wait_for_control("c.note === 'undo: pause first'")
+        self.click("pause")
+        self.wait_for_control("c.state === 'paused' && c.undoable === 1")
+        self.browser.wait_for("window.toothprep.state().lamps.paused")
+        cut = self.browser.state()
+        self.assertGreater(cut["removed_mm3"], 0.1)
+        self.picture("paused")
+        self.click("undo")
+        self.browser.wait_for("window.toothprep.state().removed_mm3 === 0")
+        self.browser.wait_for(f"window.toothprep.state().generation > {cut['generation']}")
+        self.browser.run("(() => { const s = document.getElementById('do-bur'); s.value = '3'; s.dispatchEvent(new Event('change')); })()")
+        self.wait_for_control("c.bur === 3")
+        bur = self.browser.state()["bur_name"]
+        handle = self.browser.state()["handle"]
+        self.browser.run("window.toothprep.control({do: 'move', shift_mm: [-6, 0, 0], turn_deg: 0})")
+        self.browser.wait_for(f"window.toothprep.state().handle[0] < {handle[0]} - 5")
+        self.click("resume")
+        self.wait_for_control("c.state === 'running'")
+        self.browser.wait_for("!window.toothprep.state().lamps.paused")
+        self.assertNotEqual(bur, "cylinder:D1.2xL3.0")
+        self.picture("another-bur")
+        self.click("end")
+        self.click("end")
+        self.assertEqual(viewer.process.wait(timeout=60), 0)
+        stderr = viewer.process.stderr.read()
+        self.assertIn("ended from the page", stderr)
+        self.browser.open("about:blank")  # it would go on asking
+        self.browser.run("0")
+        self.browser.complaints[:] = [c for c in self.browser.complaints if "WebSocket" not in c]
+        self.check_recording_with_events("controlled.h5")
+
+    def check_recording_with_events(self, name):
+        kinds = ["", "pause", "resume", "undo", "bur", "registration", "end"]
+        with h5py.File(self.path(name)) as file:
+            self.assertEqual(file.attrs["schema_version"], 2)
+            self.assertEqual([kinds[k] for k in file["events/kind"]], ["pause", "undo", "bur", "registration", "resume", "end"])
+            time, removed = file["time"][()], file["removed/volume"][()].sum(axis=1)
+            undone = np.searchsorted(time, file["events/time"][1])
+            self.assertEqual(time[undone], file["events/time"][1])
+            self.assertGreater(removed[undone - 1], 0.1)
+            self.assertEqual(removed[undone], 0)  # it falls at the undo
+            self.assertGreater(file.attrs["removed_energy_mJ"], 0)  # and the audit counts what was undone
+            live = {key: file[key][()] for key in ("bur/position", "force/device", "torque", "removed/volume", "time")}
+        self.run_ok("replay", "--tooth", "block.vdb", "--bur", "cylinder:D1.2xL3.0", "--trajectory", name, "-o", "again.h5")
+        with h5py.File(self.path("again.h5")) as file:
+            for key, values in live.items():
+                np.testing.assert_array_equal(values, file[key][()], key)
+            self.assertEqual(file.attrs["schema_version"], 2)
+        self.run_ok("replay", "--tooth", "block.vdb", "--bur", "cylinder:D1.2xL3.0", "--trajectory", "again.h5", "-o", "third.h5")
+        info = json.loads(self.run_ok("info", name, "--json").stdout)
+        self.assertEqual([e["kind"] for e in info["events"]], ["pause", "undo", "bur", "registration", "resume", "end"])
+        self.run_ok("export", name, "-o", "table.csv")
+        report = json.loads(self.run_ok("rig-check", name, "--tooth", "block.vdb", "--json").stdout)
+        self.assertEqual(report["replay_differing_rows"], 0)
+        self.show(name, "--tooth", "block.vdb")
+        self.browser.wait_for("window.toothprep.state().recomputed.finished")
+        recomputed = self.browser.state()["recomputed"]
+        self.assertEqual((recomputed["bur_difference_mm"], recomputed["force_difference_n"], recomputed["failure"]), (0, 0, ""))
+        self.assertEqual(self.browser.run(f"window.toothprep.seek({live['time'][-1]})")["bur_name"], info["events"][2]["bur"])
+
+    def test_a_page_without_control_can_only_look_and_nonsense_and_floods_do_nothing(self):
+        viewer = self.begin("looked-at.h5")
+        self.assertTrue(self.browser.run("document.getElementById('control').hidden"))
+        self.browser.run("window.toothprep.control({do: 'end'})")
+        self.browser.wait_for("window.toothprep.state().live.control && window.toothprep.state().live.control.refused")
+        self.assertIn("can only look", self.browser.state()["live"]["control"]["refused"])
+        self.finish(viewer, "looked-at.h5")
+        viewer = self.begin("flooded.h5", "--control")
+        feed = viewer.address.replace("http", "ws") + "feed"
+        stranger = self.connect(feed, f"http://127.0.0.1:{viewer.port}")
+        for nonsense in ("", "{", "[]", "null", '"end"', '{"do": 3}', '{"do": "start"}', '{"do": "registration"}', '{"do": "bur"}',
+                         '{"do": "bur", "bur": -1}', '{"do": "bur", "bur": 1e9}', '{"do": "bur", "bur": "1"}', '{"do": "end", "now": 1}',
+                         '{"do": "move", "shift_mm": [1, 2], "turn_deg": 0}', '{"do": "move", "shift_mm": [1e9, 0, 0], "turn_deg": 0}',
+                         '{"do": "move", "shift_mm": [0, 0, null], "turn_deg": 0}', 300 * "[", '\x00\xff'):
+            stranger.send(nonsense)
+            self.refusal(stranger)
+        for _ in range(2000):  # read at 50 Hz: they wait in the network, or the line is cut
+            try:
+                stranger.send('{"do": "undo"}')
+            except (browser.websocket.WebSocketException, OSError):
+                break
+        self.browser.wait_for("window.toothprep.state().time > 2")
+        self.assertEqual(self.browser.state()["live"]["control"]["state"], "running")
+        stranger.shutdown()
+        self.finish(viewer, "flooded.h5")
+        with h5py.File(self.path("flooded.h5")) as file:
+            self.assertEqual((file.attrs["schema_version"], len(file["events/time"])), (1, 0))
+        self.run_ok("info", "flooded.h5")
+
+    def refusal(self, line):
+        while True:
+            message = line.recv()
+            if message[:4] == b"\x03\0\0\0" and "refused" in json.loads(message[4:]):
+                return
 
     def test_strangers_and_bad_pages_do_the_session_no_harm(self):
         viewer = self.begin("attacked.h5")

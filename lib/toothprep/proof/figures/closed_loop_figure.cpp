@@ -34,7 +34,7 @@ Loop run_loop(const Experiment& experiment, const Run& run, const Parameters& pa
   loop.outcome.tooth_sha256 = tooth_sha256(tooth);
   const Bur bur = make_bur(run.bur, o.bur_library);
   SimulatedPhantom phantom(device, experiment.hand, intended.front());
-  LevelSet remaining;
+  LevelSet cut;
   {
     Workpiece workpiece(tooth);
     HandleSample handle = path.front();
@@ -52,14 +52,14 @@ Loop run_loop(const Experiment& experiment, const Run& run, const Parameters& pa
         });
     session.finish(rows.back());
     loop.outcome.replay.totals = session.totals();
-    remaining = workpiece.remaining_solid();
+    cut = workpiece.cut();
   }
   ReplayResult& r = loop.outcome.replay;
   for (int k = 0; k < kTissueCount; ++k)
     r.removed_energy += parameters.tissue[k].specific_energy * r.totals.removed[k];
   r.energy_ratio = r.removed_energy > 0 ? r.totals.torque_work / r.removed_energy : std::nan("");
   r.seconds_simulated = path.back().time - path.front().time;
-  apply_remaining_solid(tooth, std::move(remaining));
+  apply_cut(tooth, cut);
   loop.outcome.prepared = std::move(tooth);
   loop.figures = closed_loop_figures(loop.series, device, intended.back() - intended.front(),
                                      kSettlingShare * r.seconds_simulated);

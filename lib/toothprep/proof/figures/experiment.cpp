@@ -19,7 +19,8 @@ const std::vector<std::pair<std::string, Kind>> kKinds = {
     {"preparations", Kind::kPreparations},
     {"literal", Kind::kLiteral},
     {"droop", Kind::kDroop},
-    {"passes", Kind::kPasses}};
+    {"passes", Kind::kPasses},
+    {"validation", Kind::kValidation}};
 
 std::string beside(const std::string& folder, const std::string& file) {
   return (fs::path(folder) / file).lexically_normal().string();  // an absolute file stays
@@ -78,6 +79,13 @@ Experiment read_experiment(const std::string& folder) {
   for (const auto& [name, value] : kKinds)
     if (name == *kind) e.kind = value;
 
+  if (e.kind == Kind::kValidation) {
+    const auto measurements = root.text("measurements");
+    if (!measurements) root.missing("measurements", "\"../../validation\"");
+    e.measurements = beside(folder, *measurements);
+    root.done();
+    return e;
+  }
   e.molar = root.choice("specimen", {"block", "molar"}).value_or("block") == "molar";
   if (auto block = root.table("block")) {
     if (e.molar) root.refuse("block", "stands beside specimen = \"molar\"");

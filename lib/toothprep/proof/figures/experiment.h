@@ -13,6 +13,7 @@
 //              "literal") the parameters of the literal reading, over `params`
 //   [device], [hand], [map]   kind "closed-loop": the simulated device and hand, and the grid of
 //              its map of stability
+//   measurements   kind "validation": the folder of the tests, in place of all but title and kind
 #pragma once
 
 #include <optional>
@@ -34,7 +35,8 @@ enum class Kind {
   kPreparations,         // figure 16
   kLiteral,              // both readings of the paper
   kDroop,                // both collapses of a drooping handpiece
-  kPasses                // work and force of overlapping straight passes
+  kPasses,               // work and force of overlapping straight passes
+  kValidation            // published cutting tests
 };
 
 struct Run {
@@ -64,6 +66,7 @@ struct Experiment {
   PhantomModel device;
   HandModel hand;
   StabilityGrid map;
+  std::string measurements;  // folder of the cutting tests (cutting_test.h); kind "validation"
 };
 
 // Reads FOLDER/experiment.toml. Throws InputError with the key for whatever isn't as above.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "toothprep/proof/figures/cutting_test.h"
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
@@ -170,6 +171,8 @@ int replays_of(const Experiment& experiment, const FigureOptions& options) {
     case Kind::kPreparations:
     case Kind::kDroop:
       return runs;
+    case Kind::kValidation:
+      return static_cast<int>(read_cutting_tests(experiment.measurements).size());
   }
   return runs;
 }

@@ -27,6 +27,8 @@ FigureReport run_experiment(const Experiment& experiment, FigureContext& context
       return droop_figure(experiment, context);
     case Kind::kPasses:
       return passes_figure(experiment, context);
+    case Kind::kValidation:
+      return validation_figure(experiment, context);
   }
   return {};
 }

@@ -77,13 +77,13 @@ Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
   Outcome outcome;
   outcome.parameters = parameters;
   outcome.tooth_sha256 = tooth_sha256(tooth);
-  LevelSet remaining;
+  LevelSet cut;
   {
     Workpiece workpiece(tooth);
     outcome.replay = replay(bur, workpiece, parameters, run.drive, path_of(run, parameters));
-    remaining = workpiece.remaining_solid();
+    cut = workpiece.cut();
   }
-  apply_remaining_solid(tooth, std::move(remaining));
+  apply_cut(tooth, cut);
   outcome.prepared = std::move(tooth);
   return outcome;
 }

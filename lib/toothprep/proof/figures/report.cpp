@@ -68,6 +68,31 @@ Json json_of(const RunReport& r) {
   return j;
 }
 
+Json json_of(const Comparison& c) {
+  return {{"test", c.test},
+          {"title", c.title},
+          {"rows", c.rows},
+          {"parameters", c.parameters},
+          {"quantity", c.quantity},
+          {"unit", c.unit},
+          {"confidence", c.confidence},
+          {"measured_low", c.measured_low},
+          {"measured_high", number_or_null(c.measured_high)},
+          {"predicted_low", number_or_null(c.predicted_low)},
+          {"predicted_high", number_or_null(c.predicted_high)},
+          {"ratio", number_or_null(c.ratio)},
+          {"verdict", c.verdict},
+          {"assumes", c.assumes}};
+}
+
+Json json_of(const Trend& t) {
+  return {{"test", t.test},           {"title", t.title},
+          {"rows", t.rows},           {"parameters", t.parameters},
+          {"quantity", t.quantity},   {"observed", t.observed},
+          {"predicted", t.predicted}, {"factor", number_or_null(t.factor)},
+          {"agrees", t.agrees},       {"assumes", t.assumes}};
+}
+
 Json json_of(const Plot& p) {
   Json j;
   j["file"] = p.file;
@@ -117,6 +142,53 @@ std::string cell(const std::string& words) {
 // " N"; nothing for a pure number.
 std::string unit_text(const std::string& unit) { return unit == "1" ? "" : " " + unit; }
 
+// "2.2 to 5.9 N", "at least 4.9 N", "–".
+std::string band(double low, double high, const std::string& unit) {
+  if (!std::isfinite(low)) return "–";
+  if (!std::isfinite(high)) return "at least " + text(low) + unit_text(unit);
+  return text(low) + (text(low) == text(high) ? "" : " to " + text(high)) + unit_text(unit);
+}
+
+std::string assumptions(const std::string& title, const std::vector<std::string>& assumes) {
+  if (assumes.empty()) return "";
+  std::string md = "- " + title + ":";
+  for (const std::string& text : assumes) md += " " + text + ";";
+  md.back() = '.';
+  return md + "\n";
+}
+
+std::string comparisons_text(const FigureReport& f) {
+  std::string md, assumed, last;
+  if (!f.comparisons.empty())
+    md +=
+        "\n| measured | rows | confidence | quantity | measured | parameters | predicted | ratio | "
+        "|\n|---|---|---|---|---|---|---|---|---|\n";
+  for (const Comparison& c : f.comparisons) {
+    const std::string verdict = c.verdict == "inside" ? c.verdict : "**" + c.verdict + "**";
+    md += "| " + cell(c.title) + " | " + c.rows + " | " + c.confidence + " | " + c.quantity +
+          " | " + band(c.measured_low, c.measured_high, c.unit) + " | " + c.parameters + " | " +
+          band(c.predicted_low, c.predicted_high, c.unit) + " | " + text(c.ratio, "{:.2f}") +
+          " | " + verdict + " |\n";
+    if (c.test != last) assumed += assumptions(c.title, c.assumes);
+    last = c.test;
+  }
+  if (!f.trends.empty())
+    md +=
+        "\n| trend | rows | quantity | observed | parameters | predicted | factor | |\n"
+        "|---|---|---|---|---|---|---|---|\n";
+  for (const Trend& t : f.trends) {
+    md += "| " + cell(t.title) + " | " + t.rows + " | " + t.quantity + " | " + t.observed + " | " +
+          t.parameters + " | " + t.predicted + " | " + text(t.factor, "{:.2f}") + " | " +
+          (t.agrees                  ? "agrees"
+           : std::isfinite(t.factor) ? "**disagrees**"
+                                     : "–") +
+          " |\n";
+    if (t.test != last) assumed += assumptions(t.title, t.assumes);
+    last = t.test;
+  }
+  return assumed.empty() ? md : md + "\nAssumed where the source does not say:\n\n" + assumed;
+}
+
 std::string markdown(const ReportHeader& header, const std::vector<FigureReport>& figures) {
   std::size_t claims = 0, holding = 0;
   for (const FigureReport& f : figures)
@@ -133,6 +205,9 @@ std::string markdown(const ReportHeader& header, const std::vector<FigureReport>
     for (const Plot& p : f.plots) md += "![" + p.title + "](" + p.file + ".png)\n";
     for (const MapPlot& m : f.maps) md += "![" + m.title + "](" + m.file + ".png)\n";
     for (const Picture& p : f.pictures) md += "![" + f.title + "](" + p.file + ")\n";
+    if (!f.comparisons.empty()) md += "![" + f.title + "](" + f.name + "/predicted.png)\n";
+    md += comparisons_text(f);
+    if (f.claims.empty()) continue;
     md +=
         "\n| claim | engine | quantity | expected | from | measured | error | allowed | |\n"
         "|---|---|---|---|---|---|---|---|---|\n";
@@ -215,6 +290,12 @@ void write_report(const ReportHeader& header, const std::vector<FigureReport>& f
                                {"compare", p.compare},
                                {"view", p.view},
                                {"occlusal", p.occlusal}});
+    if (!f.comparisons.empty() || !f.trends.empty()) {
+      g["comparisons"] = Json::array();
+      for (const Comparison& c : f.comparisons) g["comparisons"].push_back(json_of(c));
+      g["trends"] = Json::array();
+      for (const Trend& t : f.trends) g["trends"].push_back(json_of(t));
+    }
     j["figures"].push_back(g);
   }
   write_file(folder + "/figures.json", json_text(j));

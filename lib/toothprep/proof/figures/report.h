@@ -98,6 +98,28 @@ inline Picture block_picture(const std::string& file, const std::string& mesh) {
   return {file, mesh, "", "-0.51,0.47,0.72", "0,1,0"};
 }
 
+// A published measurement beside what parameters predict of it. Not a claim: what the model misses
+// is a finding about the model.
+struct Comparison {
+  std::string test, title, rows;  // rows of measurements.csv
+  std::string parameters;         // "paper", "physical", or "given"
+  std::string quantity, unit, confidence;
+  double measured_low = 0, measured_high = 0;    // the upper end may be infinite
+  double predicted_low = 0, predicted_high = 0;  // NaN: no prediction
+  double ratio = 0;     // middle of the predicted over that of the measured (geometric), NaN: none
+  std::string verdict;  // "inside", "partly", "below", "above", "stalls", "no prediction"
+  std::vector<std::string> assumes;
+};
+
+// How a quantity was seen to change from one condition to another, and how it changes in the model.
+struct Trend {
+  std::string test, title, rows, parameters, quantity;
+  std::string observed, predicted;  // "rises", "falls", "level"; predicted also "no prediction"
+  double factor = 0;                // predicted; NaN: none
+  bool agrees = false;
+  std::vector<std::string> assumes;
+};
+
 struct FigureReport {
   std::string name, title;
   std::vector<Claim> claims;
@@ -105,6 +127,8 @@ struct FigureReport {
   std::vector<Plot> plots;
   std::vector<MapPlot> maps;
   std::vector<Picture> pictures;
+  std::vector<Comparison> comparisons;
+  std::vector<Trend> trends;
 };
 
 struct ReportHeader {

@@ -289,7 +289,12 @@ CavitySpecimen make_cavity(const CavityOptions& o) {
   if (o.neighbour_damage > 0) damage.emplace(o, damage_end(o));
   const double band = original.band();
   const double half_diagonal = o.voxel * (kBrickEdge - 1) / 2.0 * std::sqrt(3.0);
+  const auto limit = static_cast<float>(band);
+  const auto clamped = [limit](double d) {
+    return std::clamp(static_cast<float>(d), -limit, limit);
+  };
   LevelSet solid = original.solid;
+  LevelSet cut(solid.first_brick(), solid.brick_counts(), -limit, {limit});
   std::mutex insert;
   tbb::parallel_for(std::size_t{0}, solid.table_size(), [&](std::size_t b) {
     const LevelSet& before = original.solid;
@@ -298,21 +303,25 @@ CavitySpecimen make_cavity(const CavityOptions& o) {
     const Vec3 middle =
         original.lattice.to_world(first) + Vec3::Constant(o.voxel * (kBrickEdge - 1) / 2.0);
     if (cavity.distance(uvw(o.pose.to_local(middle))) > half_diagonal + band) return;
-    std::array<float, kBrickVoxels> next;
+    std::array<float, kBrickVoxels> next, carved;
     for (int v = 0; v < kBrickVoxels; ++v) {
       const Index3 i = first + Index3(v >> 6, (v >> 3) & 7, v & 7);
       const Vec3 p = uvw(o.pose.to_local(original.lattice.to_world(i)));
       // The cavity cuts the tooth; the neighbour only as far as it is damaged.
+      carved[v] = clamped(-cavity.distance(p));
       const double tooth = std::max(bodies.tooth(p), -cavity.distance(p));
       const double neighbour =
           damage ? std::max(bodies.neighbour(p), -damage->distance(p)) : bodies.neighbour(p);
-      const auto limit = static_cast<float>(band);
-      next[v] = std::clamp(static_cast<float>(std::min(tooth, neighbour)), -limit, limit);
+      next[v] = clamped(std::min(tooth, neighbour));
     }
     const std::lock_guard lock(insert);
     solid.set_brick(b, next.data());
+    cut.set_brick(b, carved.data());
   });
-  apply_remaining_solid(specimen.prepared, std::move(solid));
+  if (o.neighbour_gap)  // the cavity may reach into the neighbour, which it doesn't cut
+    apply_remaining_solid(specimen.prepared, std::move(solid));
+  else
+    apply_cut(specimen.prepared, cut);
   return specimen;
 }
 

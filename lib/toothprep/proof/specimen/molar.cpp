@@ -6,9 +6,12 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <span>
+#include <string>
 #include <unsupported/Eigen/AutoDiff>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/units.h"
 
 // The shape. Inside this file u is buccal (+) to lingual, v distal (+) to mesial, both from the
 // long axis, z as in W, all mm. Crown 10.5 x 10.5 mm, 7.8 mm high; an average lower first molar by
@@ -23,6 +26,11 @@ namespace {
 using Jet = Eigen::AutoDiffScalar<Vec3>;  // a value and its gradient in (x, y, z)
 
 constexpr double kAxisX = 6.1, kAxisY = 5.5;
+const Vec3 kCrown(kAxisX, kAxisY, 14);  // the middle of the crown, about which it leans
+constexpr double kHighestTip = 19.1;    // mm
+constexpr double kMostWorn = 4;         // mm
+constexpr double kBelowNeck = 10.6;     // mm: where the roots of a rootless one are cut off
+constexpr double kPremolarWidth = 0.8, kPremolarLength = 0.67;  // of the molar's
 constexpr double kFossa = 16.75;  // height of the occlusal basin before grooves are cut, mm
 
 // ---- Jets ----------------------------------------
@@ -187,18 +195,31 @@ constexpr std::array<Lobe, 7> kLobes = {{
     {{1.20, 4.20, 1.15, -1.90, 4.05, 1.30, 0.95, 0.22}, {}, false},
 }};
 
+// Of a premolar: one cusp each to buccal and lingual.
+constexpr std::array<Lobe, 4> kPremolarLobes = {{
+    {{2.85, 0.0, 2.45, 0.70, 0.0, 0.70, 0.95, 0.0},
+     {2.75, -2.9, 1.30, 2.75, 2.9, 1.30, 0.95, -0.85},
+     true},
+    {{-3.0, 0.0, 2.0, -0.70, 0.0, 0.65, 1.0, 0.0},
+     {-2.8, -2.7, 1.10, -2.8, 2.7, 1.10, 1.0, -0.65},
+     true},
+    kLobes[5],
+    kLobes[6],
+}};
+
 // Heights of the enamel's and of the dentin's occlusal surface. The grooves of a molar are the
 // seams between its lobes: where the two highest lobes are level, a fissure is cut.
 struct Occlusal {
   Jet enamel, dentin;
 };
 
-Occlusal occlusal(const Point& p) {
+Occlusal occlusal(const Point& p, std::span<const Lobe> lobes) {
   constexpr double kCrest = 0.7;  // radius of the crests, mm
-  std::array<Jet, kLobes.size()> h;
-  for (std::size_t k = 0; k < kLobes.size(); ++k) {
-    h[k] = ridge_height(p, kLobes[k].triangular, kCrest);
-    if (kLobes[k].cusp) h[k] = smooth_max(h[k], ridge_height(p, kLobes[k].cuspal, kCrest), 0.6);
+  std::array<Jet, kLobes.size()> heights;
+  const std::span<Jet> h(heights.data(), lobes.size());
+  for (std::size_t k = 0; k < lobes.size(); ++k) {
+    h[k] = ridge_height(p, lobes[k].triangular, kCrest);
+    if (lobes[k].cusp) h[k] = smooth_max(h[k], ridge_height(p, lobes[k].cuspal, kCrest), 0.6);
   }
   std::size_t first = 0, second = 1;
   if (h[1].value() > h[0].value()) std::swap(first, second);
@@ -253,6 +274,11 @@ constexpr RootShape kDistalRoot = {{3.45, 3.2, 2.85, 2.5, 2.15, 1.9},
                                    {0.9, 1.7, 2.65, 3.35, 3.7, 3.5},
                                    2.9,
                                    2.0};
+constexpr RootShape kSingleRoot = {{0.5, 0.3, 0.1, 0.0, 0.0, 0.0},
+                                   {0.9, 1.9, 2.8, 3.5, 3.9, 3.9},
+                                   {1.0, 2.0, 3.0, 3.7, 4.0, 3.9},
+                                   2.6,
+                                   1.9};
 constexpr double kRootStep = 2.5;
 
 Jet root_function(const Point& p, const RootShape& r, double waist) {
@@ -298,6 +324,13 @@ constexpr std::array<Horn, 13> kHorns = {{
     {0.0, 2.6, 6.6, 0.42, 0.0, 3.15, 2.1, 0.2},
 }};
 
+constexpr std::array<Horn, 4> kPremolarHorns = {{
+    {1.3, 0.0, 11.6, 0.75, 2.0, 0.0, 13.5, 0.28},
+    {-1.4, 0.0, 11.6, 0.75, -2.1, 0.0, 13.3, 0.26},
+    {0.0, 0.0, 10.4, 0.6, 0.0, 0.1, 6.0, 0.4},
+    {0.0, 0.1, 6.0, 0.4, 0.0, 0.4, 2.1, 0.2},
+}};
+
 Jet horn_function(const Point& p, const Horn& h) {
   const double du = h.u1 - h.u0, dv = h.v1 - h.v0, dz = h.z1 - h.z0;
   Jet t =
@@ -309,13 +342,13 @@ Jet horn_function(const Point& p, const Horn& h) {
          (h.r0 + (h.r1 - h.r0) * t);
 }
 
-Jet pulp(const Point& p) {
+Jet pulp(const Point& p, std::span<const Horn> horns) {
   // The chamber: a flattened box-like ellipsoid at the height of the neck.
   const Jet sum = power(p.u / 2.2, 3.0) + power((p.v + 0.05) / 2.45, 3.0) +
                   power((p.z - 11.2) / 0.95, 3.0) + 1e-9;
   const double g = std::cbrt(sum.value());
   Jet all = (chain(sum, g, g / (3 * sum.value())) - 1.0) * 1.2;
-  for (const Horn& h : kHorns) all = smooth_min(all, horn_function(p, h), 0.3);
+  for (const Horn& h : horns) all = smooth_min(all, horn_function(p, h), 0.3);
   return all;
 }
 
@@ -325,14 +358,24 @@ float distance(const Jet& f) {
 
 }  // namespace
 
-ToothSample sample_molar(const Vec3& x) {
-  const Point p{Jet(x.x() - kAxisX, Vec3::UnitX()), Jet(x.y() - kAxisY, Vec3::UnitY()),
+namespace {
+
+// Of an unworn tooth that stands upright.
+ToothSample sample_form(const Vec3& x, bool premolar) {
+  const double buccolingual = premolar ? kPremolarWidth : 1,
+               mesiodistal = premolar ? kPremolarLength : 1;
+  const Point p{Jet((x.x() - kAxisX) / buccolingual, Vec3::UnitX() / buccolingual),
+                Jet((x.y() - kAxisY) / mesiodistal, Vec3::UnitY() / mesiodistal),
                 Jet(x.z(), Vec3::UnitZ())};
+  const std::span<const Lobe> lobes = premolar ? std::span<const Lobe>(kPremolarLobes) : kLobes;
+  const std::span<const Horn> horns = premolar ? std::span<const Horn>(kPremolarHorns) : kHorns;
   // Parts are left out where they are too far away to matter.
   const bool near_top = x.z() > 12.8, near_roots = x.z() < 14.2;
   const Jet cej = above_cej(p), walls = side_walls(p);
-  const Jet root_part = near_roots ? roots(p) : Jet(0.0);
-  const Occlusal top = near_top ? occlusal(p) : Occlusal{};
+  const Jet root_part = !near_roots ? Jet(0.0)
+                        : premolar  ? root_function(p, kSingleRoot, 0.12)
+                                    : roots(p);
+  const Occlusal top = near_top ? occlusal(p, lobes) : Occlusal{};
 
   const auto body = [&](const Jet& sides, const Jet& height) {
     constexpr double kSlopeFactor = 0.85;  // brings (z - H) near a distance before it is blended
@@ -355,7 +398,7 @@ ToothSample sample_molar(const Vec3& x) {
   ToothSample sample;
   sample.solid = distance(outside);
   const float junction = distance(dentin_side);
-  const float chamber = x.z() < 15.5 ? distance(pulp(p)) : static_cast<float>(x.z() - 14.0);
+  const float chamber = x.z() < 15.5 ? distance(pulp(p, horns)) : static_cast<float>(x.z() - 14.0);
   sample.tissue = {std::max(sample.solid, -junction), std::max({sample.solid, junction, -chamber}),
                    chamber};
   if (sample.solid < 0)
@@ -363,14 +406,58 @@ ToothSample sample_molar(const Vec3& x) {
   return sample;
 }
 
+// What of it lies where `outside` is below zero.
+void cut_off(double outside, ToothSample& sample) {
+  const auto wall = static_cast<float>(outside);
+  sample.solid = std::max(sample.solid, wall);
+  for (float& tissue : sample.tissue) tissue = std::max(tissue, wall);
+  if (wall >= 0) sample.label = Tissue::kAir;
+}
+
+// Takes the upright tooth to where it stands.
+Quat leaning(const MolarOptions& o) {
+  return Quat(Eigen::AngleAxisd(units::from_degree(o.tilt_deg), Vec3(1, 1, 0).normalized()));
+}
+
+}  // namespace
+
+ToothSample sample_molar(const Vec3& x) { return sample_form(x, false); }
+
+ToothSample sample_variant(const Vec3& x, const MolarOptions& o) {
+  const Vec3 upright = o.tilt_deg == 0 ? x : leaning(o).conjugate() * (x - kCrown) + kCrown;
+  ToothSample sample = sample_form(upright, o.premolar);
+  if (o.worn > 0) cut_off(upright.z() - (kHighestTip - o.worn), sample);
+  if (o.rootless) cut_off(kBelowNeck - upright.z(), sample);
+  return sample;
+}
+
 Box molar_bounds() { return {Vec3(0.7, 0.0, 0.3), Vec3(11.6, 10.9, 19.4)}; }
+
+Box molar_bounds(const MolarOptions& o) {
+  Box box = molar_bounds();
+  if (o.tilt_deg == 0) return box;
+  Box leant{Vec3::Constant(1e30), Vec3::Constant(-1e30)};
+  for (int c = 0; c < 8; ++c) {
+    const Vec3 corner((c & 1 ? box.max : box.min).x(), (c & 2 ? box.max : box.min).y(),
+                      (c & 4 ? box.max : box.min).z());
+    const Vec3 x = leaning(o) * (corner - kCrown) + kCrown;
+    leant.min = leant.min.cwiseMin(x);
+    leant.max = leant.max.cwiseMax(x);
+  }
+  return leant;
+}
 
 LayeredTooth make_molar(const MolarOptions& o) {
   if (!(o.voxel >= 0.02 && o.voxel <= 0.5))
     throw Error("molar: the voxel size must lie in [0.02, 0.5] mm, got " +
                 fmt::format("{:g}", o.voxel));
+  if (!(o.worn >= 0 && o.worn <= kMostWorn))
+    throw Error(
+        fmt::format("molar: {:g} mm worn off is not within 0 to {:g} mm", o.worn, kMostWorn));
+  if (!(std::abs(o.tilt_deg) <= 180))
+    throw Error(fmt::format("molar: a tilt of {:g} degrees is not within 180", o.tilt_deg));
   const Lattice lattice{Vec3::Constant(o.voxel / 2), o.voxel};
-  const Box box = molar_bounds();
+  const Box box = molar_bounds(o);
   const Index3 lower = lattice.to_index(box.min).array().floor().matrix().cast<int>();
   const Index3 upper = lattice.to_index(box.max).array().ceil().matrix().cast<int>();
 
@@ -386,7 +473,7 @@ LayeredTooth make_molar(const MolarOptions& o) {
       build_tooth_by_brick(lattice, lower, upper, [&](const Index3& first, ToothSample* samples) {
         if (o.progress) o.progress(std::min(1.0, begun++ / bricks));
         const Vec3 middle = lattice.to_world(first) + Vec3::Constant(half);
-        const ToothSample s = sample_molar(middle);
+        const ToothSample s = sample_variant(middle, o);
         if (std::abs(s.solid) > far &&
             (s.solid > 0 || std::all_of(s.tissue.begin(), s.tissue.end(),
                                         [&](float d) { return std::abs(d) > far; }))) {
@@ -394,12 +481,19 @@ LayeredTooth make_molar(const MolarOptions& o) {
           return;
         }
         for (int v = 0; v < kBrickVoxels; ++v)
-          samples[v] = sample_molar(lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7)));
+          samples[v] =
+              sample_variant(lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7)), o);
       });
-  tooth.provenance["source"] = "specimen molar";
-  tooth.provenance["axis_occlusal"] = "0 0 1";
-  tooth.provenance["axis_mesial"] = "0 -1 0";
-  tooth.provenance["axis_buccal"] = "1 0 0";
+  const auto direction = [&](const Vec3& upright) {
+    const Vec3 d = o.tilt_deg == 0 ? upright : Vec3(leaning(o) * upright);
+    return fmt::format("{:g} {:g} {:g}", d.x(), d.y(), d.z());
+  };
+  tooth.provenance["source"] = std::string("specimen molar") + (o.premolar ? ", premolar" : "") +
+                               (o.worn > 0 ? fmt::format(", {:g} mm worn off", o.worn) : "") +
+                               (o.rootless ? ", rootless" : "");
+  tooth.provenance["axis_occlusal"] = direction(Vec3::UnitZ());
+  tooth.provenance["axis_mesial"] = direction(Vec3(0, -1, 0));
+  tooth.provenance["axis_buccal"] = direction(Vec3::UnitX());
   return tooth;
 }
 

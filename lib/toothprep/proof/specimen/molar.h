@@ -20,14 +20,24 @@ namespace toothprep {
 // A box that holds the whole tooth, mm.
 [[nodiscard]] Box molar_bounds();
 
-struct MolarOptions {  // its size is fixed
-  double voxel = 0.1;  // mm
+// Its size is fixed; the variants are of the same kind of truth, and can be combined.
+struct MolarOptions {
+  double voxel = 0.1;     // mm
+  bool premolar = false;  // one cusp each to buccal and lingual, one root; 8.4 x 7 mm
+  double worn = 0;        // mm off the highest cusp, flat; 0 to 4
+  bool rootless = false;  // cut off flat below the neck
+  double tilt_deg = 0;    // leans so far towards mesial and buccal alike, about its crown
   // Called now and then with the share that is done, from several threads; what it throws ends the
   // work.
   std::function<void(double done)> progress = {};
 };
 
-// Voxel centres lie at (i + 1/2) voxel. Throws Error if the voxel size is not in [0.02, 0.5] mm.
+// As sample_molar() and molar_bounds(), of a variant.
+[[nodiscard]] ToothSample sample_variant(const Vec3& x, const MolarOptions& options);
+[[nodiscard]] Box molar_bounds(const MolarOptions& options);
+
+// Voxel centres lie at (i + 1/2) voxel. Throws Error if the voxel size is not in [0.02, 0.5] mm, or
+// for options out of range.
 [[nodiscard]] LayeredTooth make_molar(const MolarOptions& options);
 
 }  // namespace toothprep

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "toothprep/step/core/session_event.h"
 #include "toothprep/step/core/step_record.h"
 
 namespace toothprep {
@@ -24,6 +25,7 @@ enum LiveFlag : std::uint32_t {
   kMotorLocked = 256,      // the motor waits for a safe start: see LiveLoop
   kSwitchHeld = 512,       // the device has a safety switch, and the hand holds it
   kSwitchOpen = 1024,      // it has one, and the hand doesn't
+  kPaused = 2048,          // the session is paused (session_event.h): zero force, no step
 };
 
 struct LiveTick {  // a tick of a live session, with the step that it made
@@ -47,6 +49,7 @@ struct LiveTick {  // a tick of a live session, with the step that it made
   std::uint32_t flags = 0;  // LiveFlag
   std::uint32_t fault = 0;  // DeviceFault, of this tick
   double step_seconds = 0;  // CPU time of this tick's work on the servo's thread
+  SessionEvent event;       // what was done to the session with this row
 };
 
 }  // namespace toothprep

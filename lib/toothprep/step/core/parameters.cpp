@@ -28,6 +28,8 @@ std::vector<std::string> all_keys() {
                                    "coupling.damping_n_s_per_mm",
                                    "coupling.bur_mass_g",
                                    "coupling.attached_without_contact",
+                                   "load.max_speed_mm_s",
+                                   "load.rail",
                                    "step.time_step_s",
                                    "step.rotation_feed",
                                    "engine.kind",
@@ -103,6 +105,9 @@ std::optional<Violation> first_violation(const Parameters& p) {
   if (auto v = positive(p.coupling.stiffness, "coupling.stiffness_n_per_mm")) return v;
   if (auto v = not_negative(p.coupling.damping, "coupling.damping_n_s_per_mm")) return v;
   if (auto v = positive(p.coupling.bur_mass, "coupling.bur_mass_g")) return v;
+  if (auto v = positive(p.load.max_speed, "load.max_speed_mm_s")) return v;
+  for (const double x : p.load.rail)
+    if (!std::isfinite(x)) return Violation{"load.rail", "must be finite" + got(x)};
   if (auto v = positive(p.time_step, "step.time_step_s")) return v;
   if (p.time_step > kLargestTimeStep)
     return Violation{"step.time_step_s",
@@ -155,7 +160,23 @@ const char* name_of(EngineKind engine) {
   return engine == EngineKind::kVoxel ? "voxel" : "levelset";
 }
 
-const char* name_of(Drive drive) { return drive == Drive::kDirect ? "direct" : "coupled"; }
+const char* name_of(Drive drive) {
+  switch (drive) {
+    case Drive::kCoupled:
+      return "coupled";
+    case Drive::kDirect:
+      return "direct";
+    case Drive::kLoad:
+      return "load";
+  }
+  return "";
+}
+
+std::optional<Drive> drive_named(const std::string& name) {
+  for (const Drive drive : {Drive::kCoupled, Drive::kDirect, Drive::kLoad})
+    if (name == name_of(drive)) return drive;
+  return {};
+}
 
 Parameters preset_parameters(const std::string& name) {
   const auto tissue = [](double u_joule_per_mm3) {
@@ -210,6 +231,14 @@ Parameters parse_parameters(const std::string& toml, const std::string& where,
     if (const auto x = coupling->boolean("attached_without_contact"))
       p.coupling.attached_without_contact = *x;
     coupling->done(keys);
+  }
+  if (auto load = root.table("load")) {
+    if (const auto x = load->number("max_speed_mm_s")) p.load.max_speed = *x;
+    if (const auto x = load->vector("rail")) {
+      if (x->isZero(0)) load->refuse("rail", "has no direction", "leave it out for a free bur");
+      p.load.rail = {x->x(), x->y(), x->z()};
+    }
+    load->done(keys);
   }
   if (auto step = root.table("step")) {
     if (const auto x = step->number("time_step_s")) p.time_step = *x;
@@ -272,6 +301,11 @@ std::string to_toml(const Parameters& p) {
   else
     text += "bur_mass_t = " + toml_number(mass) + "\n";
   text += "attached_without_contact = " + flag(p.coupling.attached_without_contact) + "\n";
+  text += "\n[load]\nmax_speed_mm_s = " + toml_number(p.load.max_speed) + "\n";
+  const auto& rail = p.load.rail;
+  if (rail != LoadDrive().rail)
+    text += "rail = [" + toml_number(rail[0]) + ", " + toml_number(rail[1]) + ", " +
+            toml_number(rail[2]) + "]\n";
   text += "\n[step]\ntime_step_s = " + toml_number(p.time_step) +
           "\nrotation_feed = " + flag(p.rotation_feed) + "\n";
   text += std::string("\n[engine]\nkind = \"") + name_of(p.engine) + "\"\n" +

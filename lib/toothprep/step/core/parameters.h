@@ -4,6 +4,8 @@
 // calibrated).
 #pragma once
 
+#include <array>
+#include <optional>
 #include <string>
 
 #include "toothprep/step/core/tissue.h"
@@ -42,16 +44,29 @@ struct Coupling {          // between handle and bur: Eqs 12 to 18
   bool attached_without_contact = false;
 };
 
+struct LoadDrive {        // of the drive `load` (step/session/load_step.h)
+  double max_speed = 20;  // mm/s, > 0: of a bur that nothing holds
+  // W: the bur slides along this direction alone, as on a sled, which bears all other forces.
+  // Zero: it moves freely.
+  std::array<double, 3> rail{};
+};
+
 enum class EngineKind { kLevelset, kVoxel };  // step/grinding/engine.h
-enum class Drive { kCoupled, kDirect };  // the bur hangs on a spring, or follows the handle exactly
+enum class Drive {                            // what moves the bur
+  kCoupled,                                   // it hangs on the handle by a spring
+  kDirect,                                    // it follows the handle exactly
+  kLoad                                       // a given force pushes it; the handle only turns it
+};
 [[nodiscard]] const char* name_of(EngineKind engine);  // "levelset", "voxel"
-[[nodiscard]] const char* name_of(Drive drive);        // "coupled", "direct"
+[[nodiscard]] const char* name_of(Drive drive);        // "coupled", "direct", "load"
+[[nodiscard]] std::optional<Drive> drive_named(const std::string& name);  // none: no such drive
 
 struct Parameters {              // the whole model, constant during a session
   std::string preset = "paper";  // what the rest started from; a name, read for reports only
   PerTissue<GrindingProperties> tissue{};     // u is 0 here: start from a preset
   Handpiece handpiece;                        // rotation and stall
   Coupling coupling;                          // of the coupled drive
+  LoadDrive load;                             // of the drive `load`
   double time_step = 1e-3;                    // h, s, > 0
   EngineKind engine = EngineKind::kLevelset;  // levelset, or the paper's voxels
   // Levelset engine: largest size of the pieces into which the border of the contact is divided,

@@ -16,6 +16,7 @@ struct HandleSample {
   Pose pose;                             // of the handle, W
   std::uint32_t buttons = kPedalButton;  // bits
   bool rejected = false;                 // can't be believed: no step is made, the bur stays
+  Vec3 load = Vec3::Zero();              // N, W: pushes the bur in the drive `load`
 };
 
 // The state after the step that ends at handle.time. Forces in N on the bur, W frame.

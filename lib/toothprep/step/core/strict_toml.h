@@ -162,6 +162,21 @@ class StrictTable {
       points.push_back(vector_of(point, key + "[" + std::to_string(points.size()) + "]"));
     return points;
   }
+  // A text, or a list of texts.
+  std::optional<std::vector<std::string>> texts(const std::string& key) {
+    const toml::node* node = find(key);
+    if (!node) return {};
+    if (const auto* value = node->as_string()) return std::vector<std::string>{value->get()};
+    const toml::array* array = node->as_array();
+    if (!array) refuse(key, "must be a list of texts in quotes, not " + kind_of(*node));
+    std::vector<std::string> values;
+    for (const toml::node& entry : *array) {
+      const auto* value = entry.as_string();
+      if (!value) refuse(key, "must be a list of texts in quotes, found " + kind_of(entry));
+      values.push_back(value->get());
+    }
+    return values;
+  }
   std::optional<StrictTable> table(const std::string& key) {
     const toml::node* node = find(key);
     if (!node) return {};

@@ -239,9 +239,10 @@ int ContactModel::choose(const Scan&) noexcept {
   int kept = 0;
   for (int c = 0; c < candidates; ++c) {
     const int i = candidates_[c];
-    const bool is_void = (standing_[i].found == Found::kVoid) & (left_[i] >= 0);
+    const int is_void =
+        static_cast<int>(standing_[i].found == Found::kVoid) & static_cast<int>(left_[i] >= 0);
     candidates_[kept] = i;
-    kept += is_void ? 0 : 1;
+    kept += 1 - is_void;
   }
   return kept;
 }

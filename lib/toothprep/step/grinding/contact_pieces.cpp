@@ -318,7 +318,7 @@ void ContactModel::add_covered(const Scan& scan, const Standing& standing, const
     const bool inside = standing.inside_tooth || workpiece.deep(b);
     const std::uint8_t only = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
     HalfAxes axes;
-    const Index3 cell = f.base + Index3(s.cx[p], s.cy[p], s.cz[p]);
+    const Index3 cell = simple ? f.base : Index3(f.base + Index3(s.cx[p], s.cy[p], s.cz[p]));
     const Eigen::Vector3f in_cell(s.fx[p], s.fy[p], s.fz[p]);
     if (!inside || only == 0) {
       axes.along = along * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]);

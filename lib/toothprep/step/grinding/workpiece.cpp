@@ -99,17 +99,6 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
       }
 }
 
-LevelSet Workpiece::remaining_solid() const {
-  LevelSet remaining = tooth_.solid;
-  std::array<float, kBrickVoxels> values;
-  for (std::size_t b = 0; b < cut_.table_size(); ++b) {
-    if (cut_.is_uniform(b) && cut_.uniform_value(b) < 0) continue;
-    const float* solid = tooth_.solid.brick(b);
-    const float* cut = cut_.brick(b);
-    for (int v = 0; v < kBrickVoxels; ++v) values[v] = std::max(solid[v], cut[v]);
-    remaining.set_brick(b, values.data());
-  }
-  return remaining;
-}
+LevelSet Workpiece::remaining_solid() const { return carved_solid(tooth_.solid, cut_); }
 
 }  // namespace toothprep

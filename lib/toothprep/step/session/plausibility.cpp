@@ -154,10 +154,11 @@ std::string message_of(const Finding& finding) {
   return finding.text + "; likely cause: " + finding.cause;
 }
 
-std::vector<Finding> judge_motion(const std::vector<HandleSample>& s) {
+std::vector<Finding> judge_motion(const std::vector<HandleSample>& s, Drive drive) {
   std::vector<Finding> findings;
   if (s.size() < 2) return findings;
   const Motion m = survey(s);
+  const bool moves = drive != Drive::kLoad;
   const auto time = [&](const Excess& e) { return s[e.first].time; };
   if (m.step > kLongestStep)
     findings.push_back({Implausible::kTimeStep, m.step,
@@ -172,12 +173,12 @@ std::vector<Finding> judge_motion(const std::vector<HandleSample>& s) {
          m.place.rare(s.size())
              ? "single samples are damaged: cut them out of the recording"
              : "positions in micrometres read as millimetres, or another frame"});
-  if (m.extent < kSmallestExtent)
+  if (moves && m.extent < kSmallestExtent)
     findings.push_back({Implausible::kExtent, m.extent,
                         fmt::format("the whole path lies within {:.3g} mm", m.extent),
                         m.extent > 0 ? "positions in metres read as millimetres"
                                      : "the device's position was not recorded"});
-  if (m.speed.count > 0)
+  if (moves && m.speed.count > 0)
     findings.push_back(
         {Implausible::kSpeed, m.speed.most,
          fmt::format("the handle moves at up to {:.3g} mm/s (above 500 mm/s in {} of {} steps, the "
@@ -272,6 +273,8 @@ std::vector<Finding> judge_run(std::vector<Finding> findings, const Audit& audit
                      ? fmt::format("the bur falls {:.3g} mm behind the handle: the feed is faster "
                                    "than it can grind",
                                    largest_lag)
+                 : drive == Drive::kLoad
+                     ? "the load is not in N"
                      : "the imposed feed is faster than a hand could press the bur")});
   if (audit.verdict == Audit::Verdict::kOutside)
     findings.push_back(

@@ -55,8 +55,10 @@ struct Finding {      // one thing that can't be meant
 // "TEXT; likely cause: CAUSE"
 [[nodiscard]] std::string message_of(const Finding& finding);
 
-// Of a motion as it was recorded (before it was resampled). In the order of the table.
-[[nodiscard]] std::vector<Finding> judge_motion(const std::vector<HandleSample>& recorded);
+// Of a motion as it was recorded (before it was resampled). In the order of the table. With the
+// drive `load` only the first position means something: extent and speed are not judged.
+[[nodiscard]] std::vector<Finding> judge_motion(const std::vector<HandleSample>& recorded,
+                                                Drive drive = Drive::kCoupled);
 
 [[nodiscard]] std::vector<Finding> judge_parameters(
     const Parameters& parameters);  // the same of parameters

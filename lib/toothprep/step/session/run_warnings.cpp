@@ -16,6 +16,12 @@ std::vector<std::string> run_warnings(const SessionTotals& totals, Drive drive) 
         fmt::format("direct drive needed more than the stall torque in {} steps: nothing was "
                     "removed there, force and torque are scaled to the limit",
                     totals.stalled_steps));
+  // A step or two as the bur enters are nothing.
+  if (100 * totals.unbalanced_steps > totals.contact_steps)
+    warnings.push_back(fmt::format(
+        "the load was not balanced in {} steps: the bur slid along the tissue at its largest speed "
+        "(load.max_speed_mm_s); a rail (load.rail) guides it as a sled does",
+        totals.unbalanced_steps));
   if (totals.split_steps_cut_short > 0)
     warnings.push_back(fmt::format(
         "the bur was so fast in {} steps that they went in fewer parts than a third of a voxel "

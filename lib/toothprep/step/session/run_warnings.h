@@ -10,7 +10,7 @@
 
 namespace toothprep {
 
-// A sentence each: steps of direct drive beyond the stall torque, steps cut short, contact of the
+// A sentence each: steps of direct drive beyond the stall torque, steps whose load nothing balanced, steps cut short, contact of the
 // shank, tissue inside the bur at the start.
 std::vector<std::string> run_warnings(const SessionTotals& totals, Drive drive);
 

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kShankElementSize = 0.4;  // mm
 constexpr double kHeadElementSize = 0.2;   // mm
+constexpr double kAlmost = 1 - 1e-6;
 
 }  // namespace
 
@@ -113,9 +114,16 @@ void Session::Work::count(const StepRecord& row) noexcept {
   totals_.removed = engine_->removed();
   totals_.stalled_steps += row.stalled;
   totals_.shank_contact_steps += row.shank_contact_area > 0;
-  totals_.contact_steps += row.stalled || row.torque > 0 || row.grinding_force.squaredNorm() > 0;
-  totals_.largest_lag =
-      std::max(totals_.largest_lag, (row.handle.pose.position - row.bur.position).norm());
+  const bool touches = row.stalled || row.torque > 0 || row.grinding_force.squaredNorm() > 0;
+  totals_.contact_steps += touches;
+  const double way = row.bur_velocity.norm() * model_.parameters.time_step;
+  totals_.way_without_contact = touches ? 0 : totals_.way_without_contact + way;
+  if (model_.drive == Drive::kLoad)
+    totals_.unbalanced_steps +=
+        touches && row.bur_velocity.norm() > kAlmost * model_.parameters.load.max_speed;
+  else
+    totals_.largest_lag =
+        std::max(totals_.largest_lag, (row.handle.pose.position - row.bur.position).norm());
   totals_.peak_device_force = std::max(totals_.peak_device_force, row.device_force.norm());
 }
 

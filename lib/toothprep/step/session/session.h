@@ -11,6 +11,9 @@
 
 namespace toothprep {
 
+// Drive `load`: a bur that has gone this far without contact has run off, mm.
+constexpr double kMostWayWithoutContact = 5;
+
 // The energy audit and what else a session counts.
 struct SessionTotals {
   double torque_work = 0;       // N·mm = mJ: integral of 2 pi N T_z over the steps that turn
@@ -23,7 +26,9 @@ struct SessionTotals {
   long shank_contact_steps = 0;         // in which the shank met tissue
   long split_steps = 0;                 // that went in parts, since the bur was fast
   long split_steps_cut_short = 0;  // of these: in fewer parts than wanted, to keep the time budget
-  double largest_lag = 0;          // mm, bur behind the handle
+  double largest_lag = 0;          // mm, bur behind the handle; not of the drive `load`
+  long unbalanced_steps = 0;       // drive `load`: at its largest speed although in contact
+  double way_without_contact = 0;  // mm, of the bur since it last met tissue
   double peak_device_force = 0;    // N
 };
 

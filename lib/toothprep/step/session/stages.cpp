@@ -4,6 +4,7 @@
 
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/session/handpiece.h"
+#include "toothprep/step/session/load_step.h"
 
 namespace toothprep {
 namespace {
@@ -43,15 +44,35 @@ CouplingState coupling_state(const StepModel& model, const BurState& state,
   return c;
 }
 
-// Where the motion will go, mm/s in B. Direct: where the handle goes. Coupled: on as before, or
-// along the spring when at rest; with the motor off, as freely as in the air.
+Vec3 rail_of(const StepModel& model) noexcept {
+  const auto& rail = model.parameters.load.rail;
+  const Vec3 along(rail[0], rail[1], rail[2]);
+  return along.isZero(0) ? along : Vec3(along.stableNormalized());
+}
+
+// The velocity at the end of the part against a resistance B and a force f0, mm/s in B: what the
+// drives that let the bur go differ in.
+Vec3 velocity_against(const StepModel& model, const StepPart& part, const Mat3& resistance,
+                      const Vec3& f0) noexcept {
+  if (model.drive == Drive::kLoad)
+    return load_velocity(model.parameters.load.max_speed, part.rail, part.load, resistance, f0);
+  return implicit_velocity(model.parameters.coupling, part.h, part.coupling, resistance, f0);
+}
+
+// What pulls a bur at rest, N in B.
+Vec3 pull(const StepModel& model, const StepPart& part) noexcept {
+  if (model.drive == Drive::kCoupled)
+    return coupling_force(model.parameters.coupling, part.coupling);
+  return part.rail.isZero(0) ? part.load : Vec3(part.rail * part.rail.dot(part.load));
+}
+
+// Where the motion will go, mm/s in B. Direct: where the handle goes. Else on as before, or along
+// the pull when at rest; with the motor off, as freely as in the air.
 Vec3 first_guess(const StepModel& model, const StepPart& part) noexcept {
   if (model.drive == Drive::kDirect)
     return part.before.orientation.conjugate() * part.handle_velocity;
-  const Coupling& coupling = model.parameters.coupling;
-  if (!part.motor_on)
-    return implicit_velocity(coupling, part.h, part.coupling, Mat3::Zero(), Vec3::Zero());
-  if (part.coupling.velocity.norm() < 1e-9) return coupling_force(coupling, part.coupling);
+  if (!part.motor_on) return velocity_against(model, part, Mat3::Zero(), Vec3::Zero());
+  if (part.coupling.velocity.norm() < 1e-9) return pull(model, part);
   return part.coupling.velocity;
 }
 
@@ -61,15 +82,15 @@ double unit_torque(const Trial& trial) noexcept {
 }
 
 // Velocity, advancing set and torque that agree with one another at a given rotation rate: a few
-// passes of [force from the set -> implicit velocity -> set].
+// passes of [force from the set -> velocity against it -> set].
 Trial converge(const StepModel& model, const ContactSet& contact, const StepPart& part, Vec3 guess,
                double rotation_rate) noexcept {
   Trial trial;
   trial.rotation_rate = rotation_rate;
   for (int pass = 0; pass < kMaxPasses; ++pass) {
     trial.response = contact.response(guess, part.omega);
-    guess = implicit_velocity(model.parameters.coupling, part.h, part.coupling,
-                              trial.response.B / rotation_rate, trial.response.f0 / rotation_rate);
+    guess = velocity_against(model, part, trial.response.B / rotation_rate,
+                             trial.response.f0 / rotation_rate);
     if (contact.advancing_set(guess, part.omega) == trial.response.set) break;
   }
   trial.velocity = guess;
@@ -88,8 +109,8 @@ Trial direct_trial(const StepModel& model, const ContactSet& contact,
   return trial;
 }
 
-// The spring pulls; the contact is sampled again where the motion turns away from the guess.
-Trial coupled_trial(const StepModel& model, GrindingEngine& engine, const StepPart& part) noexcept {
+// Spring or load pulls; the contact is sampled again where the motion turns away from the guess.
+Trial pulled_trial(const StepModel& model, GrindingEngine& engine, const StepPart& part) noexcept {
   const Handpiece& handpiece = model.parameters.handpiece;
   Trial trial;
   if (!part.motor_on || !part.moves) {
@@ -129,26 +150,31 @@ StepPart sense(const StepModel& model, const BurState& state, const HandleSample
   part.turned = turned_towards(state, handle.pose.orientation, angle, h);
   if (angle != 0 && model.parameters.rotation_feed)
     part.omega = turn_rate(state.pose.orientation, part.turned, h);
-  if (model.drive == Drive::kCoupled) part.coupling = coupling_state(model, state, part);
+  if (model.drive != Drive::kDirect) part.coupling = coupling_state(model, state, part);
+  if (model.drive == Drive::kLoad) {
+    const Quat to_b = part.before.orientation.conjugate();
+    part.load = to_b * handle.load;
+    part.rail = to_b * rail_of(model);
+  }
   part.guess = first_guess(model, part);
   part.moves = part.guess.squaredNorm() > 0 || part.omega.squaredNorm() > 0;
   return part;
 }
 
 void find_contact(const StepModel& model, GrindingEngine& engine, const StepPart& part) noexcept {
-  const bool felt = part.motor_on || model.drive == Drive::kCoupled;
+  const bool felt = part.motor_on || model.drive != Drive::kDirect;
   if (felt && part.moves) engine.sample(part.before, part.guess, part.omega);
 }
 
 void find_trial(const StepModel& model, GrindingEngine& engine, StepPart& part) noexcept {
   part.trial = model.drive == Drive::kDirect ? direct_trial(model, engine.contact(), part)
-                                             : coupled_trial(model, engine, part);
+                                             : pulled_trial(model, engine, part);
 }
 
 void judge_stall(const StepModel& model, const BurState& state, GrindingEngine& engine,
                  StepPart& part) noexcept {
   if (!part.motor_on) {
-    part.rests = model.drive == Drive::kCoupled && part.moves &&
+    part.rests = model.drive != Drive::kDirect && part.moves &&
                  engine.contact().any_advances(part.trial.velocity, part.omega);
     return;
   }
@@ -172,7 +198,8 @@ void integrate(const StepModel& model, StepPart& part, BurState& state) noexcept
     state.velocity.setZero();
     state.catching_up = true;
   } else {
-    part.attached = model.parameters.coupling.attached_without_contact && part.motor_on &&
+    part.attached = model.drive == Drive::kCoupled && part.motor_on &&
+                    model.parameters.coupling.attached_without_contact &&
                     part.trial.response.set.count == 0;
     if (part.attached) {
       state.pose = Pose{part.handle.pose.position, part.turned};
@@ -231,6 +258,11 @@ StepRecord record(const StepModel& model, const StepPart& part, const BurState& 
   }
   if (model.drive == Drive::kDirect) {
     row.device_force = row.grinding_force;
+    return row;
+  }
+  if (model.drive == Drive::kLoad) {
+    row.device_force = -part.handle.load;
+    if (part.holds()) row.grinding_force = part.before.orientation * -pull(model, part);
     return row;
   }
   const CouplingState end{state.pose.position, state.velocity, part.handle.pose.position,

@@ -9,8 +9,10 @@
 //   record     the row of the trace
 //
 // The drives differ in `trial` (direct: the handle's velocity is imposed; coupled: backward Euler
-// through the virtual coupling) and in `integrate`. The force law is in grinding/contact_set.h, the
-// coupling in implicit_step.h, handpieces and the rule of the stall in handpiece.h.
+// through the virtual coupling; load: the velocity at which the grinding force balances a given
+// load), in `integrate` and in the force of `record`. The force law is in grinding/contact_set.h,
+// the coupling in implicit_step.h, the load in load_step.h, handpieces and the rule of the stall in
+// handpiece.h.
 //
 // Frames: W world, B the bur at the start of the part. Units: mm, s, N.
 #pragma once

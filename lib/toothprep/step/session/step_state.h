@@ -50,7 +50,9 @@ struct StepPart {
   Vec3 handle_velocity = Vec3::Zero();  // mm/s, W
   Quat turned;                          // the bur's orientation at the end, if it turns
   Vec3 omega = Vec3::Zero();            // rad/s, B: the handle's rotation as the contact feels it
-  CouplingState coupling;               // in B, relative to the bur's tip
+  CouplingState coupling;               // in B, relative to the bur's tip; coupled drive
+  Vec3 load = Vec3::Zero();             // N, B; drive `load`
+  Vec3 rail = Vec3::Zero();             // unit vector, B, or zero; drive `load`
   Vec3 guess = Vec3::Zero();            // mm/s, B: where the motion will go
   bool moves = false;                   // guess or omega is not zero
 

@@ -185,6 +185,7 @@ Box bounds_of_solid(const LayeredTooth& tooth) {
 std::size_t memory_bytes(const LayeredTooth& tooth) {
   std::size_t bytes = tooth.tissue.memory_bytes() + tooth.solid.memory_bytes();
   for (const auto& grid : tooth.remains) bytes += grid.memory_bytes();
+  if (tooth.parts) bytes += tooth.parts->intact.memory_bytes() + tooth.parts->cut.memory_bytes();
   return bytes;
 }
 
@@ -229,6 +230,36 @@ void apply_remaining_solid(LayeredTooth& tooth, LevelSet solid) {
     }
   }
   tooth.solid = std::move(solid);
+  tooth.parts.reset();
+}
+
+LevelSet carved_solid(const LevelSet& solid, const LevelSet& cut) {
+  LevelSet remaining = solid;
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    if (cut.is_uniform(b) && cut.uniform_value(b) < 0) continue;
+    const float *before = solid.brick(b), *carved = cut.brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) values[v] = std::max(before[v], carved[v]);
+    remaining.set_brick(b, values.data());
+  }
+  return remaining;
+}
+
+void apply_cut(LayeredTooth& tooth, const LevelSet& cut) {
+  const LevelSet& solid = tooth.solid;
+  ToothParts parts = tooth.parts
+                         ? std::move(*tooth.parts)
+                         : ToothParts{solid, empty_level_set(solid.first_brick(),
+                                                             solid.brick_counts(), tooth.band())};
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    if (cut.is_uniform(b) && cut.uniform_value(b) < 0) continue;
+    const float *before = parts.cut.brick(b), *carved = cut.brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) values[v] = std::min(before[v], -carved[v]);
+    parts.cut.set_brick(b, values.data());
+  }
+  apply_remaining_solid(tooth, carved_solid(solid, cut));
+  tooth.parts = std::move(parts);
 }
 
 }  // namespace toothprep

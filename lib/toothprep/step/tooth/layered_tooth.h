@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "toothprep/step/core/geometry.h"
@@ -29,6 +30,14 @@ struct Lattice {
 using LabelGrid = BrickGrid<std::uint8_t>;  // of Tissue values
 using LevelSet = BrickGrid<float>;          // signed distance, mm, negative inside, within the band
 
+// A prepared tooth's two surfaces, each smooth where the other ends: solid = max(intact, -cut). Their
+// intersection is the margin, which the solid alone knows to a voxel only.
+struct ToothParts {
+  LevelSet intact;  // the solid before anything was cut, mm
+  LevelSet cut;     // what burs passed through, mm, negative inside (Workpiece::cut() has the
+                    // opposite sign)
+};
+
 struct LayeredTooth {  // the anatomy, and what remains of it
   Lattice lattice;     // of all its grids
   LabelGrid tissue;    // Tissue values; background air
@@ -36,6 +45,8 @@ struct LayeredTooth {  // the anatomy, and what remains of it
   // What remains of each tissue that has a grid of its own in the file (enamel, dentin, pulp);
   // `other` is what is left of solid.
   std::array<LevelSet, 3> remains;
+  // Of a tooth that was cut here; absent from one that is intact or whose history isn't known.
+  std::optional<ToothParts> parts;
   // Free-form metadata: source, source_sha256, threshold_*_..., kept through files.
   std::map<std::string, std::string> provenance;
 
@@ -90,7 +101,15 @@ struct Box {
 [[nodiscard]] std::string tooth_sha256(const LayeredTooth& tooth);
 
 // The same anatomy with `solid` carved: each tissue's level set becomes max(tissue, solid).
-// `solid` must lie on the same lattice.
+// `solid` must lie on the same lattice. How it came about isn't known, so the tooth has no parts.
 void apply_remaining_solid(LayeredTooth& tooth, LevelSet solid);
+
+// What a cut leaves of a solid: max(solid, cut). `cut` (mm) is negative where nothing was cut, as
+// Workpiece::cut() is, and covers the same bricks.
+[[nodiscard]] LevelSet carved_solid(const LevelSet& solid, const LevelSet& cut);
+
+// Carves the tooth by such a cut and keeps both surfaces in its parts; of a tooth that was cut
+// before, the union of the cuts.
+void apply_cut(LayeredTooth& tooth, const LevelSet& cut);
 
 }  // namespace toothprep

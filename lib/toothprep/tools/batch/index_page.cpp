@@ -17,6 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kLargestPicture = 1 << 20;  // bytes, of one that the page takes in
+constexpr std::size_t kMostRows = 2000;
 
 constexpr const char* kTableStyle = R"css(
 td.rank { font-size: 18px; font-weight: 600; text-align: right; }
@@ -58,7 +59,8 @@ std::string links_of(const ItemRow& row, const fs::path& folder) {
     std::error_code error;
     if (!fs::exists(folder / file, error)) continue;
     links += (links.empty() ? "" : " · ") + std::string("<a href=\"") +
-             escaped(link_text(row.name + "/" + file)) + "\">" + text + "</a>";
+             escaped(link_text((row.folder.empty() ? row.name : row.folder) + "/" + file)) + "\">" +
+             text + "</a>";
   }
   return links;
 }
@@ -88,7 +90,8 @@ std::string verdict_tag(const ItemRow& row) {
          (certain ? "" : " <span class=\"muted small-text\">within the uncertainty</span>");
 }
 
-std::string row_html(const ItemRow& row, std::size_t rank, const fs::path& folder) {
+std::string row_html(const ItemRow& row, std::size_t rank, const fs::path& top) {
+  const fs::path folder = top / (row.folder.empty() ? row.name : row.folder);
   const std::string points = row.figure("points_percent");
   std::string html = "<tr><td class=\"rank\">" + (rank > 0 ? std::to_string(rank) : "") +
                      "</td><td>" + picture_of(folder) + "</td><td><b>" + escaped(row.name) +
@@ -104,25 +107,26 @@ std::string row_html(const ItemRow& row, std::size_t rank, const fs::path& folde
 
 }  // namespace
 
-std::string index_page(const std::vector<ItemRow>& rows, const std::string& folder,
+std::string index_page(const ItemRows& rows, const std::string& folder,
                        const std::string& version) {
-  std::vector<const ItemRow*> order;
-  for (const ItemRow& row : rows) order.push_back(&row);
-  const auto points = [](const ItemRow* row) {
-    const std::string text = row->figure("points_percent");
-    return text.empty() ? -1.0 : std::atof(text.c_str());
+  struct Place {
+    double points;
+    std::string name;
+    std::size_t row;
   };
-  std::stable_sort(order.begin(), order.end(), [&](const ItemRow* a, const ItemRow* b) {
-    const double pa = points(a), pb = points(b);
-    return pa != pb ? pa > pb : pa >= 0 && a->name < b->name;
-  });
+  std::vector<Place> order;
   std::size_t failed = 0, warned = 0, passed = 0, judged = 0;
   for (const ItemRow& row : rows) {
     failed += row.failed();
     warned += row.status == "done with warning";
     passed += row.figure("passed") == "true";
     judged += !row.figure("passed").empty();
+    const std::string points = row.figure("points_percent");
+    order.push_back({points.empty() ? -1.0 : std::atof(points.c_str()), row.name, order.size()});
   }
+  std::stable_sort(order.begin(), order.end(), [](const Place& a, const Place& b) {
+    return a.points != b.points ? a.points > b.points : a.points >= 0 && a.name < b.name;
+  });
   std::string html =
       "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\n<meta "
       "name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>Batch</title>\n"
@@ -132,19 +136,18 @@ std::string index_page(const std::vector<ItemRow>& rows, const std::string& fold
       (judged > 0 ? fmt::format("{} of {} passed; ", passed, judged) : std::string()) +
       fmt::format("{} done, {} of them with a warning, {} failed. ", rows.size() - failed, warned,
                   failed) +
-      "All figures: <a href=\"batch.csv\">batch.csv</a>, <a href=\"batch.json\">batch.json</a>. "
-      "<span class=\"muted\">toothprep " +
-      escaped(version) +
+      "All figures: <a href=\"batch.csv\">batch.csv</a>, <a href=\"batch.json\">batch.json</a>. " +
+      (rows.size() > kMostRows ? fmt::format("Below are {} of them. ", kMostRows) : std::string()) +
+      "<span class=\"muted\">toothprep " + escaped(version) +
       "</span></p></header>\n<section><table>\n<tr><th></th><th></th><th>name</th>"
       "<th>status</th><th>points</th><th>verdict</th><th>removed, mm³</th></tr>\n";
   std::size_t rank = 0, place = 0;
   double last = -1;
-  for (const ItemRow* row : order) {
-    const double own = points(row);
-    ++place;
-    if (own >= 0 && own != last) rank = place;  // equal points, equal rank
-    last = own;
-    html += row_html(*row, own >= 0 ? rank : 0, fs::path(folder) / row->name);
+  for (const Place& at : order) {
+    if (++place > kMostRows) break;
+    if (at.points >= 0 && at.points != last) rank = place;  // equal points, equal rank
+    last = at.points;
+    html += row_html(rows[at.row], at.points >= 0 ? rank : 0, folder);
   }
   return html + "</table></section></main></body></html>\n";
 }

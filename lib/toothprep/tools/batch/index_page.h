@@ -2,7 +2,6 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "toothprep/tools/batch/item_figures.h"
 
@@ -10,8 +9,7 @@ namespace toothprep {
 
 // HTML, complete in itself but for the links to what lies in the items' folders below `folder`.
 // Scores first, by points from the highest down (equal ones by name); then what has no points, in
-// its order. The picture is report/thumbnail.png of the item's folder, where there is one.
-std::string index_page(const std::vector<ItemRow>& rows, const std::string& folder,
-                       const std::string& version);
+// its order; of more than 2000 items the first 2000. The picture is report/thumbnail.png of the item's folder, where there is one.
+std::string index_page(const ItemRows& rows, const std::string& folder, const std::string& version);
 
 }  // namespace toothprep

@@ -1,14 +1,19 @@
 #include "toothprep/tools/batch/item_figures.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cstdio>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/plain_text.h"
+#include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
 namespace {
@@ -53,57 +58,170 @@ std::string ItemRow::figure(const std::string& key) const {
   return {};
 }
 
-std::string table_csv(const std::vector<ItemRow>& rows) {
-  std::vector<std::string> first, columns;
-  for (const char* key : {"points_percent", "passed"})
-    if (std::any_of(rows.begin(), rows.end(),
-                    [&](const ItemRow& row) { return !row.figure(key).empty(); }))
-      first.emplace_back(key);
-  std::map<std::string, std::size_t> place;
-  for (const std::string& key : first) place.emplace(key, 0);
-  for (const ItemRow& row : rows)
-    for (const auto& [key, value] : row.figures)
-      if (place.emplace(key, columns.size()).second) columns.push_back(key);
-  std::string csv = "name,status";
-  for (const std::string& key : first) csv += "," + key;
-  csv += ",command,reason";
-  for (const std::string& column : columns) csv += "," + csv_cell(column);
-  csv += '\n';
-  for (const ItemRow& row : rows) {
-    csv += csv_cell(row.name) + "," + row.status;
-    for (const std::string& key : first) csv += "," + row.figure(key);
-    csv += "," + row.command + "," + csv_cell(row.reason);
-    std::vector<std::string> cells(columns.size());
-    for (const auto& [key, value] : row.figures)
-      if (std::find(first.begin(), first.end(), key) == first.end()) cells[place[key]] = value;
-    for (const std::string& cell : cells) csv += "," + cell;
-    csv += '\n';
-  }
-  return csv;
+ItemRows::ItemRows(std::vector<ItemRow> rows) : count_(rows.size()) {
+  row_ = [all = std::make_shared<const std::vector<ItemRow>>(std::move(rows))](std::size_t i) {
+    return (*all)[i];
+  };
 }
 
-std::string table_json(const std::vector<ItemRow>& rows, const std::string& version,
-                       const std::string& build) {
+namespace {
+
+// The columns of a table, found in one pass over its rows.
+struct Columns {
+  std::vector<std::string> first, factors, others;
+  std::map<std::string, std::size_t> place;  // of the others; of `first`, too, where it counts not
+  bool steps = false;
+
+  explicit Columns(const ItemRows& rows) {
+    const std::vector<std::string> leading = {"points_percent", "passed"};
+    std::vector<bool> leads(leading.size(), false);
+    for (const ItemRow& row : rows) {
+      steps = steps || !row.step.empty();
+      for (const auto& [name, value] : row.swept)
+        if (std::find(factors.begin(), factors.end(), name) == factors.end())
+          factors.push_back(name);
+      for (const auto& [key, value] : row.figures) {
+        const auto lead = std::find(leading.begin(), leading.end(), key);
+        if (lead != leading.end())
+          leads[static_cast<std::size_t>(lead - leading.begin())] = true;
+        else if (place.emplace(key, others.size()).second)
+          others.push_back(key);
+      }
+    }
+    for (std::size_t k = 0; k < leading.size(); ++k)
+      if (leads[k]) first.push_back(leading[k]);
+  }
+
+  [[nodiscard]] std::string head() const {
+    std::string csv = "name,status";
+    for (const std::string& key : first) csv += "," + key;
+    csv += ",command,reason";
+    if (steps) csv += ",step";
+    for (const std::string& factor : factors) csv += "," + csv_cell("sweep." + factor);
+    for (const std::string& column : others) csv += "," + csv_cell(column);
+    return csv + '\n';
+  }
+
+  [[nodiscard]] std::string line(const ItemRow& row) const {
+    std::string csv = csv_cell(row.name) + "," + row.status;
+    for (const std::string& key : first) csv += "," + row.figure(key);
+    csv += "," + row.command + "," + csv_cell(row.reason);
+    if (steps) csv += "," + row.step;
+    for (const std::string& factor : factors) {
+      csv += ",";
+      for (const auto& [name, value] : row.swept)
+        if (name == factor) csv += decimal_number(value) ? value : csv_cell(value);
+    }
+    std::vector<std::string> cells(others.size());
+    for (const auto& [key, value] : row.figures)
+      if (const auto at = place.find(key); at != place.end()) cells[at->second] = value;
+    for (const std::string& cell : cells) csv += "," + cell;
+    return csv + '\n';
+  }
+};
+
+using Take = std::function<void(const std::string&)>;
+
+void csv_to(const ItemRows& rows, const Take& take) {
+  const Columns columns(rows);
+  take(columns.head());
+  for (const ItemRow& row : rows) take(columns.line(row));
+}
+
+// The text of json_text() for the whole, a row at a time.
+void json_to(const ItemRows& rows, const std::string& version, const std::string& build,
+             const Take& take) {
+  std::ptrdiff_t failed = 0, warned = 0;
+  for (const ItemRow& row : rows) {
+    failed += row.failed();
+    warned += row.status == "done with warning";
+  }
   Json json = {{"schema", "toothprep-batch"},
                {"schema_version", 1},
                {"toothprep_version", version},
-               {"build", build}};
-  const auto failed =
-      std::count_if(rows.begin(), rows.end(), [](const ItemRow& row) { return row.failed(); });
-  json["done"] = static_cast<std::ptrdiff_t>(rows.size()) - failed;
-  json["done_with_warning"] = std::count_if(rows.begin(), rows.end(), [](const ItemRow& row) {
-    return row.status == "done with warning";
-  });
-  json["failed"] = failed;
-  json["items"] = Json::array();
+               {"build", build},
+               {"done", static_cast<std::ptrdiff_t>(rows.size()) - failed},
+               {"done_with_warning", warned},
+               {"failed", failed},
+               {"items", Json::array()}};
+  std::string head = json_text(json);
+  if (rows.size() == 0) return take(head);
+  head.erase(head.rfind("[]"));
+  take(head + "[");
+  bool next = false;
   for (const ItemRow& row : rows) {
     Json item = {{"name", row.name}, {"command", row.command}, {"status", row.status}};
     if (!row.reason.empty()) item["reason"] = row.reason;
+    if (!row.step.empty()) item["step"] = row.step;
+    if (!row.folder.empty() && row.folder != row.name) item["folder"] = row.folder;
+    for (const auto& [name, value] : row.swept)
+      item["sweep"][name] =
+          decimal_number(value) ? Json::parse(value, nullptr, false) : Json(value);
     item["figures"] = Json::object();
     for (const auto& [key, value] : row.figures) item["figures"][key] = Json::parse(value);
-    json["items"].push_back(std::move(item));
+    std::string text = json_text(item);
+    text.pop_back();
+    std::string indented;
+    for (const char c : text) {
+      indented += c;
+      if (c == '\n') indented += "    ";
+    }
+    take((next ? ",\n    " : "\n    ") + indented);
+    next = true;
   }
-  return json_text(json);
+  take("\n  ]\n}\n");
+}
+
+// What it is given goes to a file.
+class TextFile {
+ public:
+  explicit TextFile(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "wb")) {
+    if (!file_) fail();
+  }
+  ~TextFile() {
+    if (file_) std::fclose(file_);
+  }
+  TextFile(const TextFile&) = delete;
+  TextFile& operator=(const TextFile&) = delete;
+  void write(const std::string& text) {
+    if (std::fwrite(text.data(), 1, text.size(), file_) != text.size()) fail();
+  }
+  void close() {
+    std::FILE* file = std::exchange(file_, nullptr);
+    if (std::fclose(file) != 0) fail();
+  }
+
+ private:
+  [[noreturn]] void fail() const { throw Error(path_ + ": " + why_not_written(path_, errno)); }
+  std::string path_;
+  std::FILE* file_;
+};
+
+}  // namespace
+
+std::string table_csv(const ItemRows& rows) {
+  std::string csv;
+  csv_to(rows, [&](const std::string& text) { csv += text; });
+  return csv;
+}
+
+std::string table_json(const ItemRows& rows, const std::string& version, const std::string& build) {
+  std::string json;
+  json_to(rows, version, build, [&](const std::string& text) { json += text; });
+  return json;
+}
+
+void write_table_csv(const ItemRows& rows, const std::string& path) {
+  TextFile file(path);
+  csv_to(rows, [&](const std::string& text) { file.write(text); });
+  file.close();
+}
+
+void write_table_json(const ItemRows& rows, const std::string& version, const std::string& build,
+                      const std::string& path) {
+  TextFile file(path);
+  json_to(rows, version, build, [&](const std::string& text) { file.write(text); });
+  file.close();
 }
 
 }  // namespace toothprep

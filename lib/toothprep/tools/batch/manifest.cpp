@@ -6,9 +6,12 @@
 #include <filesystem>
 #include <map>
 #include <set>
+#include <unordered_map>
 
-#include "toothprep/step/core/number_text.h"
+#include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/strict_toml.h"
+#include "toothprep/tools/batch/arguments.h"
+#include "toothprep/tools/batch/sweep.h"
 
 namespace toothprep {
 namespace {
@@ -19,65 +22,22 @@ bool contains(const std::vector<T>& list, const T& value) {
   return std::find(list.begin(), list.end(), value) != list.end();
 }
 
-std::string with_dashes(std::string key) {
-  std::replace(key.begin(), key.end(), '_', '-');
-  return key;
-}
-
-std::string replaced(std::string text, const std::string& what, const std::string& by) {
-  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size())
-    text.replace(at, what.size(), by);
-  return text;
-}
-
-// An argument as the manifest has it: one or more texts, or a switch.
-struct Argument {
-  std::vector<std::string> values;
-  bool is_switch = false, on = false;
-  std::string place;  // for errors
+// A value that is another item's output, "{ITEM/FILE}", with what stands before it.
+struct Reference {
+  std::string before, item, file;
 };
-using Arguments = std::map<std::string, Argument>;  // by option, with dashes
-
-// A text or number; nothing for what is neither.
-std::optional<std::string> value_text(const toml::node& node) {
-  if (const auto* text = node.as_string()) return text->get();
-  if (const auto* integer = node.as_integer()) return std::to_string(integer->get());
-  if (const auto* real = node.as_floating_point()) return shortest_text(real->get());
-  return {};
+std::optional<Reference> reference_in(const std::string& value) {
+  const std::size_t open = value.find('{'),
+                    slash = value.find('/', open == std::string::npos ? 0 : open);
+  if (open == std::string::npos || slash == std::string::npos || value.back() != '}') return {};
+  return Reference{value.substr(0, open), value.substr(open + 1, slash - open - 1),
+                   value.substr(slash + 1, value.size() - slash - 2)};
 }
 
-Arguments read_arguments(const toml::table* table, const std::string& where,
-                         const std::string& path) {
-  Arguments arguments;
-  if (!table) return arguments;
-  for (const auto& [key, node] : *table) {
-    const std::string option = with_dashes(std::string(key.str()));
-    Argument a;
-    a.place = path + "." + std::string(key.str()).substr(0, 60);
-    if (const auto* flag = node.as_boolean()) {
-      a.is_switch = true;
-      a.on = flag->get();
-    } else if (const auto value = value_text(node)) {
-      a.values = {*value};
-    } else if (const toml::array* list = node.as_array(); list && !list->empty()) {
-      bool numbers = true;
-      std::string joined;
-      for (const toml::node& entry : *list) {
-        const auto text = value_text(entry);
-        if (!text) throw InputError(where, a.place, "must hold numbers or texts only");
-        numbers = numbers && !entry.is_string();
-        joined += (joined.empty() ? "" : ",") + *text;
-        a.values.push_back(*text);
-      }
-      if (numbers) a.values = {joined};  // a list of numbers is one value with commas
-    } else {
-      throw InputError(where, a.place,
-                       "must be a text, a number, true or false, or a list of them");
-    }
-    if (!arguments.emplace(option, std::move(a)).second)
-      throw InputError(where, path + "." + std::string(key.str()), "is given twice, with _ and -");
-  }
-  return arguments;
+std::string digits_of(const std::string& text, std::size_t count) {
+  Sha256 hash;
+  hash.update(text.data(), text.size());
+  return hash.hex().substr(0, count);
 }
 
 class Reader {
@@ -85,6 +45,7 @@ class Reader {
   Reader(const std::string& path, const std::vector<BatchCommand>& commands) : where_(path) {
     manifest_.commands = commands;
     base_ = fs::absolute(path).lexically_normal().parent_path();
+    manifest_.base = base_.string();
   }
 
   BatchManifest read() {
@@ -103,16 +64,18 @@ class Reader {
         read_item((*tables)[i], *nodes.get(i)->as_table());
     }
     if (auto folder = top.table("folder")) read_folder(*folder, *root["folder"].as_table());
+    if (auto sweep = top.table("sweep")) add_sweep(*sweep, *root["sweep"].as_table());
     top.done();
     if (manifest_.items.empty())
       throw InputError(where_, "", "names no item",
-                       "add an [[item]] with name, command and arguments, or a [folder]");
+                       "add an [[item]] with name, command and arguments, a [folder] or a [sweep]");
     for (const auto& [option, argument] : defaults_)
       if (std::none_of(manifest_.items.begin(), manifest_.items.end(),
                        [&, &name = option](const BatchItem& item) {
                          return knows(manifest_.commands[item.command], name);
                        }))
         unknown_option(manifest_.commands[manifest_.items[0].command], option, argument.place);
+    link();
     return std::move(manifest_);
   }
 
@@ -144,28 +107,44 @@ class Reader {
                      "did you mean '" + nearest_name(option, command.options) + "'?");
   }
 
-  void add_item(const std::string& name, std::size_t command_index, const Arguments& own,
-                const std::string& place) {
+  // Where an item comes from.
+  struct Origin {
+    std::string place;                 // for errors
+    const SweepItem* swept = nullptr;  // of a sweep
+    const SweepStep* step = nullptr;
+    std::size_t first = 0;  // of a sweep: the place of its first item in the manifest
+  };
+
+  BatchItem& add_item(const std::string& name, std::size_t command_index, const BatchArguments& own,
+                      const Origin& origin) {
     const BatchCommand& command = manifest_.commands[command_index];
-    check_name(name, place);
+    check_name(name, origin.place);
     BatchItem item;
-    item.name = name;
+    item.name = item.folder = name;
     item.command = command_index;
     item.made = command.made;
-    item.made.push_back(command.result);
-    Arguments all;
+    if (!command.result.empty()) item.made.push_back(command.result);
+    BatchArguments all;
     for (const auto& [option, argument] : own) {
       if (!knows(command, option)) unknown_option(command, option, argument.place);
       all.insert({option, argument});
     }
-    for (const auto& [option, argument] : defaults_)
-      if (knows(command, option)) all.insert({option, argument});
-    for (const auto& [option, argument] : all) add_argument(item, command, option, argument);
+    if (!origin.swept)  // a step of a sweep has them already
+      for (const auto& [option, argument] : defaults_)
+        if (knows(command, option)) all.insert({option, argument});
+    // What has no option before it must not follow one that takes several values.
+    if (const auto first = all.find(command.positional); first != all.end()) {
+      add_argument(item, command, first->first, first->second, origin);
+      all.erase(first);
+    }
+    for (const auto& [option, argument] : all)
+      add_argument(item, command, option, argument, origin);
     manifest_.items.push_back(std::move(item));
+    return manifest_.items.back();
   }
 
   void add_argument(BatchItem& item, const BatchCommand& command, const std::string& option,
-                    const Argument& argument) {
+                    const BatchArgument& argument, const Origin& origin) {
     static const std::vector<std::string> kReserved = {"output", "o",        "force",   "quiet",
                                                        "q",      "json",     "threads", "help",
                                                        "h",      "help-all", "version"};
@@ -194,29 +173,84 @@ class Reader {
       if (argument.on) put(dashed, dashed);
       return;
     }
-    put(dashed, dashed);
+    if (option != command.positional) put(dashed, dashed);
+    if (origin.step && contains(origin.step->fill, option)) {
+      const std::string file = option + fs::path(argument.values[0]).extension().string();
+      item.fills.push_back({file, fill_text(argument)});
+      return put(file, file);
+    }
     for (const std::string& raw : argument.values) {
       const std::string value = replaced(raw, "{name}", item.name);
-      if (!input && !maybe) {
+      if (input || maybe)
+        add_input(item, command, option, value, argument.place, origin);
+      else if (value.rfind('-', 0) == 0) {
         // A value that begins with a dash would be taken for an option.
-        if (value.rfind('-', 0) == 0) {
-          item.shown.back() += "=" + value;
-          item.arguments.back() += "=" + value;
-        } else {
-          put(value, value);
-        }
-        continue;
+        item.shown.back() += "=" + value;
+        item.arguments.back() += "=" + value;
+      } else {
+        put(value, value);
       }
-      const fs::path path = (base_ / value).lexically_normal();
-      std::error_code error;
-      const bool file = !value.empty() && fs::is_regular_file(path, error);
-      if (input && !file)
-        throw InputError(where_, argument.place,
-                         "item '" + item.name + "': there is no file " + path.string(),
-                         "paths are relative to the manifest");
-      put(value, file ? path.string() : value);
-      if (file) item.inputs.push_back({value, path.string()});
     }
+  }
+
+  void add_input(BatchItem& item, const BatchCommand& command, const std::string& option,
+                 const std::string& value, const std::string& place, const Origin& origin) {
+    if (const auto other = reference_in(value)) {
+      BatchInput made{value, other->file, {}, item.arguments.size(), other->before};
+      if (origin.swept)
+        if (const auto at = origin.swept->from.find(other->item); at != origin.swept->from.end())
+          made.item = origin.first + at->second;
+      links_.push_back({manifest_.items.size(), item.inputs.size(), other->item, place});
+      item.inputs.push_back(std::move(made));
+      item.shown.push_back(value);
+      item.arguments.push_back(value);
+      return;
+    }
+    const bool may_be_folder = contains(command.folders, option);
+    std::string before, own = value;
+    Kind kind = kind_of(own);
+    // "enamel=FILE"
+    if (const std::size_t equal = value.find('=');
+        kind == Kind::kNone && equal != std::string::npos) {
+      before = value.substr(0, equal + 1);
+      own = value.substr(equal + 1);
+      kind = kind_of(own);
+    }
+    const bool found = kind == Kind::kFile || (kind == Kind::kFolder && may_be_folder);
+    const std::string path = (base_ / own).lexically_normal().string();
+    if (!found && contains(command.inputs, option))
+      throw InputError(where_, place, "item '" + item.name + "': there is no file " + path,
+                       "paths are relative to the manifest");
+    item.shown.push_back(value);
+    item.arguments.push_back(found ? before + path : value);
+    if (found) item.inputs.push_back({value, path});
+  }
+
+  enum class Kind { kNone, kFile, kFolder };
+  // Asked once for each path: a sweep names the same files many times.
+  Kind kind_of(const std::string& value) {
+    if (value.empty()) return Kind::kNone;
+    const auto [place, fresh] = kinds_.try_emplace(value, Kind::kNone);
+    if (fresh) {
+      std::error_code error;
+      const fs::file_status status = fs::status(base_ / value, error);
+      if (fs::is_regular_file(status)) place->second = Kind::kFile;
+      if (fs::is_directory(status)) place->second = Kind::kFolder;
+    }
+    return place->second;
+  }
+
+  // Where the text of a file that is filled in stands among the manifest's.
+  std::size_t fill_text(const BatchArgument& argument) {
+    const std::string path = (base_ / argument.values[0]).lexically_normal().string();
+    const auto [place, fresh] = texts_.try_emplace(path, manifest_.texts.size());
+    if (fresh) {
+      if (kind_of(argument.values[0]) != Kind::kFile)
+        throw InputError(where_, argument.place, "there is no file " + path,
+                         "paths are relative to the manifest");
+      manifest_.texts.push_back(read_small_text(path));
+    }
+    return place->second;
   }
 
   void check_name(const std::string& name, const std::string& place) {
@@ -232,7 +266,8 @@ class Reader {
     if (name[0] == '.' || name[0] == '-') refuse("begins with a dot or dash");
     if (std::any_of(name.begin(), name.end(), [](unsigned char c) { return c < 32 || c == 127; }))
       refuse("holds a control character");
-    if (name.ends_with(".part") || name == "batch.csv" || name == "batch.json")
+    if (name.ends_with(".part") || name == "batch.csv" || name == "batch.json" ||
+        name == "summary.csv" || name == "index.html" || name == "points")
       refuse("is one that the batch itself uses");
     if (!names_.insert(name).second) refuse("is used twice");
   }
@@ -242,10 +277,148 @@ class Reader {
     if (!name) table.missing("name", "\"anna\"");
     const std::size_t command = needed_command(table);
     check_table(table, "arguments");
+    const auto after = table.texts("after").value_or(std::vector<std::string>{});
+    const BatchKeep keep = read_keep(table);
     table.done();
+    for (const std::string& other : after)
+      links_.push_back({manifest_.items.size(), kAfter, other, table.path_of("after")});
     add_item(*name, command,
              read_arguments(node["arguments"].as_table(), where_, table.path_of("arguments")),
-             table.path_of("name"));
+             {table.path_of("name")})
+        .keep = keep;
+  }
+
+  std::vector<std::string> files_of(const std::string& pattern) const {
+    std::vector<std::string> parts, files;
+    for (const fs::path& part : fs::path(pattern).relative_path())
+      if (!part.empty()) parts.push_back(part.string());
+    std::vector<Match> matches;
+    const bool absolute = fs::path(pattern).is_absolute();
+    walk(absolute ? fs::path("/") : base_, parts, 0, "", matches);
+    for (const Match& match : matches)
+      files.push_back(absolute ? match.file.string()
+                               : match.file.lexically_relative(base_).string());
+    return files;
+  }
+
+  void add_sweep(StrictTable& table, const toml::table& node) {
+    const Sweep sweep = read_sweep(node, table,
+                                   {[&](StrictTable& step) {
+                                      const auto own = command_of(step);
+                                      return own ? own : default_command_;
+                                    },
+                                    [&](const std::string& pattern) { return files_of(pattern); },
+                                    [&](std::size_t command, const std::string& option) {
+                                      return knows(manifest_.commands[command], option);
+                                    },
+                                    &defaults_});
+    std::vector<std::vector<std::string>> texts;
+    for (const SweepStep& step : sweep.steps) {
+      texts.emplace_back();
+      for (const std::string& option : step.fill)
+        texts.back().push_back(manifest_.texts[fill_text(step.arguments.at(option))]);
+    }
+    const SweepPlan plan = plan_sweep(sweep, texts, where_);
+    manifest_.factors = plan.factors;
+    manifest_.points = plan.points;
+    const std::size_t first = manifest_.items.size();
+    manifest_.items.reserve(first + plan.items.size());
+    for (const SweepItem& swept : plan.items) {
+      const SweepStep& step = sweep.steps[swept.step];
+      for (const std::string& other : step.after)
+        if (!swept.from.count(other))
+          links_.push_back({manifest_.items.size(), kAfter, other, step.place});
+      BatchItem& item = add_item(swept.name, step.command, filled(step, plan, swept),
+                                 {step.place, &swept, &step, first});
+      item.folder = "points/" + digits_of(item.name, 2) + "/" + item.name;
+      item.step = step.name;
+      item.values = swept.values;
+      item.keep = step.keep;
+      for (const auto& [name, index] : swept.from) item.needs.push_back(first + index);
+    }
+  }
+
+  // The step's arguments with the values of its factors.
+  BatchArguments filled(const SweepStep& step, const SweepPlan& plan, const SweepItem& item) const {
+    BatchArguments own = step.arguments;
+    for (auto& [option, argument] : own)
+      for (std::string& value : argument.values) {
+        if (value.find('{') == std::string::npos) continue;
+        for (std::size_t k = 0; k < plan.factors.size(); ++k)
+          if (!item.values[k].empty())
+            value = replaced(value, "{" + plan.factors[k].name + "}", item.values[k]);
+        const std::size_t open = value.find('{'), close = value.find('}', open);
+        const std::string left =
+            close == std::string::npos ? "" : value.substr(open + 1, close - open - 1);
+        if (!left.empty() && left != "name" && left.find('/') == std::string::npos)
+          throw InputError(where_, argument.place, "{" + left.substr(0, 60) + "} is no factor",
+                           "name it in [sweep.over]");
+      }
+    return own;
+  }
+
+  // What items need of one another, by name; none may need itself, through whatever others.
+  void link() {
+    std::unordered_map<std::string, std::size_t> place;
+    for (std::size_t i = 0; i < manifest_.items.size(); ++i) place[manifest_.items[i].name] = i;
+    for (const Link& l : links_) {
+      BatchItem& item = manifest_.items[l.item];
+      std::optional<std::size_t> other;
+      if (l.input != kAfter) other = item.inputs[l.input].item;
+      if (!other) {
+        const auto found = place.find(l.name);
+        if (found == place.end())
+          throw InputError(
+              where_, l.place,
+              "item '" + item.name + "' needs '" + l.name.substr(0, 100) + "', which is no item",
+              "name an item or a step of the sweep");
+        other = found->second;
+      }
+      item.needs.push_back(*other);
+      if (l.input == kAfter) continue;
+      BatchInput& input = item.inputs[l.input];
+      input.item = other;
+      check_made(manifest_.items[*other], input.path, l.place);
+    }
+    for (BatchItem& item : manifest_.items) {
+      std::sort(item.needs.begin(), item.needs.end());
+      item.needs.erase(std::unique(item.needs.begin(), item.needs.end()), item.needs.end());
+    }
+    refuse_cycles();
+  }
+
+  void check_made(const BatchItem& other, const std::string& file, const std::string& place) const {
+    const std::string top = file.substr(0, file.find('/'));
+    if (contains(other.made, file) ||
+        (contains(other.made, top) && file.find("..") == std::string::npos))
+      return;
+    std::string made;
+    for (const std::string& name : other.made) made += (made.empty() ? "" : ", ") + name;
+    throw InputError(where_, place, "'" + other.name + "' writes no '" + file + "', but " + made,
+                     "outputs that are optional are named there with true");
+  }
+
+  void refuse_cycles() const {
+    const std::vector<BatchItem>& items = manifest_.items;
+    std::vector<std::vector<std::size_t>> needed_by(items.size());
+    std::vector<std::size_t> open(items.size()), ready;
+    for (std::size_t i = 0; i < items.size(); ++i) {
+      open[i] = items[i].needs.size();
+      for (const std::size_t n : items[i].needs) needed_by[n].push_back(i);
+      if (open[i] == 0) ready.push_back(i);
+    }
+    std::size_t placed = 0;
+    for (; !ready.empty(); ++placed) {
+      const std::size_t i = ready.back();
+      ready.pop_back();
+      for (const std::size_t d : needed_by[i])
+        if (--open[d] == 0) ready.push_back(d);
+    }
+    if (placed == items.size()) return;
+    std::string names;
+    for (std::size_t i = 0; i < items.size() && names.size() < 200; ++i)
+      if (open[i] > 0) names += (names.empty() ? "" : ", ") + items[i].name;
+    throw InputError(where_, "", "items need one another: " + names, "break the circle");
   }
 
   // What matches a pattern of one path component each: the file and what its wildcards stand for.
@@ -280,6 +453,7 @@ class Reader {
     const std::size_t command_index = needed_command(table);
     const BatchCommand& command = manifest_.commands[command_index];
     check_table(table, "arguments");
+    const BatchKeep keep = read_keep(table);
     table.done();
     if (pattern->find("**") != std::string::npos)
       table.refuse("pattern", "holds '**', which is not offered", "write one * for each folder");
@@ -292,13 +466,13 @@ class Reader {
     walk(fs::path(*pattern).is_absolute() ? fs::path("/") : base_, parts, 0, "", matches);
     if (matches.empty())
       table.refuse("pattern", "matches no file", "patterns are relative to the manifest");
-    const Arguments common =
+    const BatchArguments common =
         read_arguments(node["arguments"].as_table(), where_, table.path_of("arguments"));
     for (const Match& match : matches) {
       const std::string shown = fs::path(*pattern).is_absolute()
                                     ? match.file.string()
                                     : match.file.lexically_relative(base_).string();
-      Arguments own = common;
+      BatchArguments own = common;
       bool used = false;
       for (auto& [option, argument] : own)
         for (std::string& value : argument.values) {
@@ -312,7 +486,7 @@ class Reader {
                            "leave it out, or say with {file} where the match goes");
         own[command.matched] = {{shown}, false, false, table.path_of("pattern")};
       }
-      add_item(match.name, command_index, own, table.path_of("pattern"));
+      add_item(match.name, command_index, own, {table.path_of("pattern")}).keep = keep;
     }
   }
 
@@ -320,8 +494,17 @@ class Reader {
   fs::path base_;
   BatchManifest manifest_;
   std::optional<std::size_t> default_command_;
-  Arguments defaults_;
+  BatchArguments defaults_;
   std::set<std::string> names_;
+  std::map<std::string, Kind> kinds_;
+  std::map<std::string, std::size_t> texts_;  // by path
+  // An item, which of its inputs (or kAfter), and the name of the item that it needs.
+  struct Link {
+    std::size_t item, input;
+    std::string name, place;
+  };
+  static constexpr std::size_t kAfter = static_cast<std::size_t>(-1);
+  std::vector<Link> links_;
 };
 
 }  // namespace
@@ -346,7 +529,78 @@ std::vector<BatchCommand> batch_commands() {
   score.matched = "prepared";
   score.always = {"-o", "score.json"};
   score.result = "score.json";
-  return {replay, score};
+  std::vector<BatchCommand> commands = {replay, score};
+
+  BatchCommand voxelize;
+  voxelize.name = "voxelize";
+  voxelize.inputs = {"scan", "mesh"};
+  voxelize.folders = {"scan"};
+  voxelize.positional = voxelize.matched = "scan";
+  voxelize.outputs = {{"report", "report"}};
+  voxelize.always = {"--json", "-o", "tooth.vdb"};
+  voxelize.result = "voxelize.json";
+  voxelize.result_on_stdout = true;
+  voxelize.made = {"tooth.vdb"};
+  commands.push_back(voxelize);
+
+  BatchCommand calibrate;
+  calibrate.name = "calibrate";
+  calibrate.inputs = {"tooth", "measured", "params"};
+  calibrate.maybe_inputs = {"bur"};
+  calibrate.outputs = {{"report", "report"}, {"params-out", "fit.toml"}};
+  calibrate.matched = "measured";
+  calibrate.always = {"-o", "fit.json"};
+  calibrate.result = "fit.json";
+  commands.push_back(calibrate);
+
+  BatchCommand figures;
+  figures.name = "figures";
+  figures.inputs = {"params", "experiments"};
+  figures.folders = {"experiments"};
+  figures.matched = "params";
+  figures.always = {"-o", "figures"};
+  figures.result = "figures/figures.json";
+  figures.made = {"figures"};
+  commands.push_back(figures);
+
+  for (const char* kind : {"block", "molar", "scan", "cavity", "measurement"}) {
+    BatchCommand specimen;
+    specimen.name = std::string("specimen ") + kind;
+    specimen.matched = "trajectory";
+    specimen.made = {"tooth.vdb"};
+    if (specimen.name == "specimen scan") {
+      specimen.made = {"scan.nrrd"};
+      specimen.outputs = {{"labels", "labels.nrrd"}};
+    } else if (specimen.name == "specimen cavity") {
+      specimen.made = {"prepared.vdb"};
+      specimen.outputs = {{"original", "original.vdb"}, {"target", "target.vdb"}};
+      specimen.result = "truth.json";
+    } else if (specimen.name == "specimen measurement") {
+      specimen.inputs = {"tooth", "trajectory", "params"};
+      specimen.maybe_inputs = {"bur"};
+      specimen.made = {"measurement.h5"};
+    }
+    specimen.always = {"-o", specimen.made[0]};
+    if (!specimen.result.empty())
+      specimen.always.insert(specimen.always.end(), {"--truth", specimen.result});
+    commands.push_back(specimen);
+  }
+  return commands;
+}
+
+bool keeps(BatchKeep keep, const std::string& file) {
+  const std::string end = fs::path(file).extension().string();
+  return keep == BatchKeep::kAll || (keep == BatchKeep::kTrace && end == ".h5") ||
+         contains(std::vector<std::string>{".json", ".csv", ".toml", ".txt", ".md"}, end);
+}
+
+std::string filled_text(const BatchManifest& manifest, const BatchItem& item,
+                        const std::string& text) {
+  std::string filled = text;
+  for (std::size_t k = 0; k < item.values.size(); ++k)
+    if (!item.values[k].empty())
+      filled = replaced(filled, "{" + manifest.factors[k].name + "}", item.values[k]);
+  return filled;
 }
 
 BatchManifest read_manifest(const std::string& path, const std::vector<BatchCommand>& commands) {

@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fnmatch.h>
+#include <signal.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -14,35 +16,38 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <system_error>
+#include <queue>
+#include <set>
 #include <thread>
+#include <unordered_set>
 
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/core/hash.h"
+#include "toothprep/tools/batch/claims.h"
 #include "toothprep/tools/batch/index_page.h"
+#include "toothprep/tools/batch/item_store.h"
+#include "toothprep/tools/batch/ledger.h"
+#include "toothprep/tools/batch/summary.h"
 #include "toothprep/tools/io/child_process.h"
-#include "toothprep/tools/io/json_text.h"
+#include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/part.h"
-#include "toothprep/tools/io/rename.h"
 #include "toothprep/tools/io/write_file.h"
 
 namespace toothprep {
 namespace {
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 using Clock = std::chrono::steady_clock;
 
-constexpr const char* kSchema = "toothprep-batch-item";
 constexpr double kGrace = 2;  // s between asking a child to end and killing it
 
-// One batch at a time in a folder. Held as long as the process lives, whatever ends it.
+// One batch at a time in a folder, or several workers of one. Held as long as the process lives,
+// whatever ends it.
 class FolderLock {
  public:
-  explicit FolderLock(const fs::path& folder)
+  FolderLock(const fs::path& folder, bool shared)
       : file_(open((folder / ".batch.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666)) {
     if (file_ < 0) throw Error(folder.string() + ": cannot be written: " + std::strerror(errno));
-    if (flock(file_, LOCK_EX | LOCK_NB) != 0) {
+    if (flock(file_, (shared ? LOCK_SH : LOCK_EX) | LOCK_NB) != 0) {
       close(file_);
       throw Error(folder.string() + ": another batch is at work in this folder; wait for its end");
     }
@@ -55,102 +60,10 @@ class FolderLock {
   int file_;
 };
 
-Json read_json(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return in ? Json::parse(in, nullptr, false) : Json();
-}
-
-// item.json of an item that a batch wrote; null otherwise.
-Json item_record(const fs::path& folder) {
-  Json record = read_json(folder / "item.json");
-  if (!record.is_object() || !record.contains("schema") || record["schema"] != kSchema) return {};
-  return record;
-}
-
-// What must be the same for an item to be done.
-Json identity_of(const BatchItem& item, const BatchManifest& manifest, const BatchOptions& options,
-                 std::map<std::string, std::string>& hashes) {
-  const BatchCommand& command = manifest.commands[item.command];
-  Json line = Json::array({command.name});
-  for (const auto* list : {&command.always, &item.shown})
-    for (const std::string& argument : *list) line.push_back(argument);
-  Json inputs = Json::object();
-  for (const BatchInput& input : item.inputs) {
-    auto [place, fresh] = hashes.try_emplace(input.path);
-    if (fresh) place->second = sha256_of_file(input.path);
-    inputs[input.shown] = place->second;
-  }
-  return {{"command", line}, {"inputs", inputs}, {"toothprep_version", options.version}};
-}
-
-// Every file below the folder but the batch's own, with its hash, sorted by name.
-Json outputs_of(const fs::path& folder) {
-  std::map<std::string, std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    std::string name = entry.path().lexically_relative(folder).string();
-    if (entry.is_regular_file() && name != "item.json" && name != "log.txt")
-      files[name] = sha256_of_file(entry.path().string());
-  }
-  Json outputs = Json::object();
-  for (const auto& [name, hash] : files) outputs[name] = hash;
-  return outputs;
-}
-
-// The first file below an item's folder that its record doesn't name.
-std::string foreign_file(const fs::path& folder, const Json& record) {
-  const Json outputs = record.value("outputs", Json::object());
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    std::string name = entry.path().lexically_relative(folder).string();
-    const bool ours = entry.is_directory() || name == "item.json" || name == "log.txt" ||
-                      (outputs.is_object() && outputs.contains(name));
-    if (entry.is_symlink() || !ours) return name;
-  }
-  return {};
-}
-
-bool is_done(const fs::path& folder, const Json& identity) {
-  try {
-    const Json record = item_record(folder);
-    if (record.is_null() || record.value("status", "") != "done") return false;
-    for (const auto& [key, value] : identity.items())
-      if (!record.contains(key) || record[key] != value) return false;
-    return record.contains("outputs") && record["outputs"] == outputs_of(folder);
-  } catch (const std::exception&) {  // unreadable is not done
-    return false;
-  }
-}
-
-std::string last_line(const fs::path& log) {
-  std::ifstream in(log, std::ios::binary);
-  std::string line, last;
-  while (std::getline(in, line)) {
-    while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
-    if (!line.empty()) last = line.substr(0, 1000);
-  }
-  // The program puts its name before an error.
-  const std::string name = "toothprep: ";
-  return last.rfind(name, 0) == 0 ? last.substr(name.size()) : last;
-}
-
-// "first warning", or "first warning (and 2 more)"; empty if the log has none.
-std::string warnings_of(const fs::path& log) {
-  const std::string beginning = "warning: ";
-  std::ifstream in(log, std::ios::binary);
-  std::string line, first;
-  int more = 0;
-  while (std::getline(in, line)) {
-    if (line.rfind(beginning, 0) != 0) continue;
-    if (first.empty())
-      first = line.substr(beginning.size(), 1000);
-    else
-      ++more;
-  }
-  return more > 0 ? first + " (and " + std::to_string(more) + " more)" : first;
-}
-
 // One item that runs.
 struct Running {
   std::size_t index = 0;
+  std::string identity;
   std::unique_ptr<Part> part;
   std::unique_ptr<ChildProcess> child;
   Clock::time_point start, asked;  // when it was asked to end
@@ -161,85 +74,50 @@ double seconds_since(Clock::time_point t) {
   return std::chrono::duration<double>(Clock::now() - t).count();
 }
 
+enum class State : unsigned char { kWaits, kRuns, kDone, kFailed, kLeft };
+
 class Batch {
  public:
-  Batch(const BatchManifest& manifest, const BatchOptions& options)
-      : m_(manifest), o_(options), dir_(fs::absolute(options.folder).lexically_normal()) {}
+  Batch(std::shared_ptr<const BatchManifest> manifest, const BatchOptions& options)
+      : manifest_(std::move(manifest)),
+        m_(*manifest_),
+        o_(options),
+        dir_(fs::absolute(options.folder).lexically_normal()),
+        ledger_(dir_, options.worker.empty() ? "local" : options.worker),
+        store_(m_, dir_, options.version, options.build, ledger_,
+               options.look || !options.worker.empty()) {}
 
   BatchResult run() {
+    if (o_.look) {
+      ledger_.load();
+      walk();
+      return result();
+    }
     prepare_folder();
-    const FolderLock lock(dir_);
-    check_folders();
+    const FolderLock lock(dir_, !o_.worker.empty());
+    ledger_.load();
+    if (!o_.worker.empty()) {
+      walk();
+      return result();
+    }
+    check_tables();
+    store_.check_folders(o_.redo);
     Outputs tables(true);
     const std::string csv = tables.file((dir_ / "batch.csv").string(), {".csv"});
     const std::string json = tables.file((dir_ / "batch.json").string(), {".json"});
     const std::string page = tables.file((dir_ / "index.html").string(), {".html"});
+    const std::string summary =
+        m_.factors.empty() ? "" : tables.file((dir_ / "summary.csv").string(), {".csv"});
     tables.begin();
-    BatchResult result;
-    std::vector<ItemRow> rows(m_.items.size());
-    std::vector<bool> ended(m_.items.size(), false);
-    std::map<std::string, std::string> hashes;
-    std::vector<Json> identities;
-    for (const BatchItem& item : m_.items) {
-      if (interrupted()) break;
-      identities.push_back(identity_of(item, m_, o_, hashes));
-    }
-
-    std::vector<Running> running;
-    std::size_t next = 0, finished = 0;
-    const auto finish = [&](std::size_t i, ItemRow row, const char* how) {
-      rows[i] = std::move(row);
-      ended[i] = true;
-      ++finished;
-      if (o_.progress)
-        o_.progress("[" + std::to_string(finished) + "/" + std::to_string(rows.size()) + "] " +
-                    rows[i].name + ": " + how +
-                    (rows[i].reason.empty() ? "" : ": " + rows[i].reason));
-    };
-    while (!interrupted() && (next < m_.items.size() || !running.empty())) {
-      if (next < m_.items.size() &&
-          running.size() < static_cast<std::size_t>(std::max(1, o_.at_once))) {
-        const std::size_t i = next++;
-        if (!o_.redo && is_done(folder_of(i), identities[i])) {
-          finish(i, row_of(i, folder_of(i)), "was done");
-          continue;
-        }
-        ++result.run;
-        try {
-          running.push_back(start(i));
-        } catch (const std::exception& e) {
-          finish(i, failed(i, part_of(i)->path(), identities[i], e.what(), 0), "failed");
-        }
-        continue;
-      }
-      bool any = false;
-      for (std::size_t r = 0; r < running.size();) {
-        if (still_runs(running[r])) {
-          ++r;
-          continue;
-        }
-        any = true;
-        const std::size_t i = running[r].index;
-        ItemRow row = end(running[r], identities[i]);
-        const std::string how = row.status;
-        running.erase(running.begin() + static_cast<std::ptrdiff_t>(r));
-        finish(i, std::move(row), how.c_str());
-      }
-      if (!any) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    if (interrupted()) {
-      stop(running);
-      result.interrupted = true;
-      for (std::size_t i = 0; i < rows.size(); ++i)
-        if (ended[i]) result.rows.push_back(std::move(rows[i]));
-      return result;
-    }
-    result.rows = std::move(rows);
-    write_file(csv, table_csv(result.rows));
-    write_file(json, table_json(result.rows, o_.version, o_.build));
-    write_file(page, index_page(result.rows, dir_.string(), o_.version));
+    walk();
+    BatchResult done = result();
+    if (done.interrupted) return done;
+    write_table_csv(done.rows, csv);
+    write_table_json(done.rows, o_.version, o_.build, json);
+    write_file(page, index_page(done.rows, dir_.string(), o_.version));
+    if (!summary.empty()) write_file(summary, summary_csv(done.rows));
     tables.publish();
-    return result;
+    return done;
   }
 
  private:
@@ -247,10 +125,6 @@ class Batch {
   bool interrupted() {
     stopped_ = stopped_ || (o_.interrupted && o_.interrupted());
     return stopped_;
-  }
-  fs::path folder_of(std::size_t i) const { return dir_ / m_.items[i].name; }
-  std::unique_ptr<Part> part_of(std::size_t i) const {
-    return std::make_unique<Part>(dir_, "", folder_of(i).string(), true);
   }
 
   void prepare_folder() const {
@@ -262,47 +136,236 @@ class Batch {
     if (access(dir_.c_str(), W_OK) != 0) throw Error(o_.folder + ": cannot be written");
   }
 
-  // A folder or table that a batch didn't write, such as a student's own, is never replaced, nor
-  // one that holds what is read.
-  void check_folders() const {
-    const auto refuse = [](const fs::path& path, const std::string& why) {
-      throw InputError(path.string(), "", why + ", so it is not replaced", "give another folder");
-    };
+  // A table that a batch didn't write is never replaced.
+  void check_tables() const {
+    std::ifstream in(dir_ / "batch.json", std::ios::binary);
+    std::string head(200, '\0');
+    in.read(head.data(), static_cast<std::streamsize>(head.size()));
+    const bool ours = head.find("\"schema\": \"toothprep-batch\"") != std::string::npos;
     std::error_code error;
-    for (std::size_t i = 0; i < m_.items.size(); ++i) {
-      const fs::path folder = folder_of(i);
-      const fs::file_status status = fs::symlink_status(folder, error);
-      if (!fs::exists(status)) continue;
-      const Json record = fs::is_directory(status) ? item_record(folder) : Json();
-      if (record.is_null()) refuse(folder, "was not written by a batch");
-      if (const std::string name = foreign_file(folder, record); !name.empty())
-        refuse(folder, "holds '" + name + "', which no batch wrote");
-      for (const BatchItem& item : m_.items)
-        for (const BatchInput& input : item.inputs)
-          if (lies_in(fs::weakly_canonical(input.path, error), fs::canonical(folder)))
-            refuse(folder, "holds '" + input.shown + "', which is read");
-    }
-    const Json table = read_json(dir_ / "batch.json");
-    const bool ours = table.is_object() && table.value("schema", "") == "toothprep-batch";
-    for (const char* name : {"batch.csv", "batch.json", "index.html"})
+    for (const char* name : {"batch.csv", "batch.json", "index.html", "summary.csv"})
       if (!ours && fs::exists(fs::symlink_status(dir_ / name, error)))
-        refuse(dir_ / name, "was not written by a batch");
+        throw InputError((dir_ / name).string(), "",
+                         "was not written by a batch, so it is not replaced",
+                         "give another folder");
   }
 
-  Running start(std::size_t i) const {
+  // ---- What may run
+
+  // Marks an item and all that it needs.
+  void mark(std::size_t i, std::vector<bool>& marked) const {
+    std::vector<std::size_t> open = {i};
+    while (!open.empty()) {
+      const std::size_t at = open.back();
+      open.pop_back();
+      if (marked[at]) continue;
+      marked[at] = true;
+      open.insert(open.end(), m_.items[at].needs.begin(), m_.items[at].needs.end());
+    }
+  }
+
+  void select() {
+    const std::size_t n = m_.items.size();
+    const BatchSelection& s = o_.selection;
+    selected_.assign(n, !o_.look);
+    concerned_.assign(n, true);
+    if (s.names) {
+      const std::unordered_set<std::string> names(s.names->begin(), s.names->end());
+      concerned_.assign(n, false);
+      for (std::size_t i = 0; i < n; ++i) {
+        selected_[i] = names.count(m_.items[i].name) > 0;
+        if (selected_[i]) mark(i, concerned_);
+      }
+      if (o_.tables_of_all) concerned_.assign(n, true);
+    }
+    if (!s.only.empty() || s.failed) {
+      std::vector<bool> wanted(n, false);
+      bool any = false;
+      for (std::size_t i = 0; i < n; ++i) {
+        const std::string& name = m_.items[i].name;
+        if (!s.only.empty() && fnmatch(s.only.c_str(), name.c_str(), 0) != 0) continue;
+        any = true;
+        if (s.failed) {
+          const auto known = store_.last(i);
+          if (!known || !known->failed) continue;
+        }
+        mark(i, wanted);
+      }
+      if (!any)
+        throw InputError("--only", s.only, "matches no item's name", "names stand in batch.csv");
+      for (std::size_t i = 0; i < n; ++i) selected_[i] = selected_[i] && wanted[i];
+    }
+  }
+
+  // ---- The walk over the items, what is needed first
+
+  void prepare_walk() {
+    const std::size_t n = m_.items.size();
+    select();
+    state_.assign(n, State::kWaits);
+    forced_.assign(n, false);
+    open_.assign(n, 0);
+    not_done_.assign(n, 0);
+    needed_by_.assign(n, {});
+    seconds_.assign(n, 0);
+    memory_.assign(n, 0);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!concerned_[i]) continue;
+      open_[i] = m_.items[i].needs.size();
+      for (const std::size_t need : m_.items[i].needs) {
+        needed_by_[need].push_back(i);
+        ++not_done_[need];
+      }
+      if (open_[i] == 0) ready_.push(i);
+      ++concerned_count_;
+    }
+  }
+
+  void walk() {
+    prepare_walk();
+    std::vector<Running> running;
+    const auto most = static_cast<std::size_t>(std::max(1, o_.at_once));
+    while (!interrupted() && (!ready_.empty() || !running.empty() || !held_.empty())) {
+      if (!ready_.empty() && running.size() < most) {
+        const std::size_t i = ready_.top();
+        ready_.pop();
+        consider(i, running);
+        continue;
+      }
+      bool any = false;
+      for (std::size_t r = 0; r < running.size();) {
+        if (still_runs(running[r])) {
+          ++r;
+          continue;
+        }
+        any = true;
+        const Running ended = std::move(running[r]);
+        running.erase(running.begin() + static_cast<std::ptrdiff_t>(r));
+        end(ended);
+      }
+      if (!any && running.empty() && !held_.empty()) {
+        // Another process has them: later.
+        std::this_thread::sleep_for(std::chrono::milliseconds(500));
+        for (const std::size_t i : held_) ready_.push(i);
+        held_.clear();
+      } else if (!any) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+    }
+    if (!interrupted()) return;
+    stop(running);
+    for (const Running& r : running) release(r.index);
+    running.clear();
+  }
+
+  // Done, to be run, or neither.
+  void consider(std::size_t i, std::vector<Running>& running) {
+    const BatchItem& item = m_.items[i];
+    for (const std::size_t need : item.needs) {
+      if (state_[need] == State::kLeft) return settle(i, State::kLeft);
+      if (state_[need] != State::kFailed) continue;
+      odd_[i] = store_.row(i, {});
+      odd_[i].status = "failed";
+      odd_[i].reason = "needs '" + m_.items[need].name + "', which failed";
+      return report(i, State::kFailed, "failed");
+    }
+    std::string identity;
+    std::optional<LedgerEntry> known;
+    try {
+      identity = store_.identity_of(i);
+      if (!forced_[i] && !(o_.redo && selected_[i])) known = store_.ended(i, identity);
+    } catch (const Error& e) {  // an input that can't be read any more
+      odd_[i] = store_.row(i, {});
+      odd_[i].status = "failed";
+      odd_[i].reason = e.what();
+      return report(i, State::kFailed, "failed");
+    }
+    if (known && !known->failed) return found_done(i, *known);
+    if (!selected_[i] && !forced_[i])
+      return known ? report(i, State::kFailed, "failed before") : settle(i, State::kLeft);
+    if (revive_needs(i)) return;
+    if (o_.claims) {
+      if (o_.claims->take(item.name) == Claims::Answer::kHeld) {
+        held_.push_back(i);
+        return;
+      }
+      // Its last owner may have ended it just before.
+      known = store_.ended(i, identity, true);
+      if (known && !known->failed) {
+        o_.claims->release(item.name);
+        return found_done(i, *known);
+      }
+    }
+    ++run_;
+    try {
+      running.push_back(start(i, std::move(identity)));
+      state_[i] = State::kRuns;
+    } catch (const std::exception& e) {
+      const auto part = part_of(i);
+      put(i, part->path(), store_.identity_of(i), {e.what()});
+    }
+  }
+
+  void found_done(std::size_t i, const LedgerEntry& known) {
+    seconds_[i] = known.seconds;
+    memory_[i] = known.memory;
+    report(i, State::kDone, "was done");
+  }
+
+  // Items whose files are needed and were not kept run again. True if there are any.
+  bool revive_needs(std::size_t i) {
+    std::error_code error;
+    std::size_t revived = 0;
+    for (const std::size_t need : m_.items[i].needs) {
+      const auto& inputs = m_.items[i].inputs;
+      if (std::all_of(inputs.begin(), inputs.end(), [&](const BatchInput& input) {
+            return input.item != need || fs::exists(store_.path_of(input), error);
+          }))
+        continue;
+      ++revived;
+      if (std::find(waiting_for_[need].begin(), waiting_for_[need].end(), i) ==
+          waiting_for_[need].end())
+        waiting_for_[need].push_back(i);
+      if (forced_[need]) continue;  // it is on its way
+      forced_[need] = true;
+      --ended_;
+      state_[need] = State::kWaits;
+      ready_.push(need);
+    }
+    if (revived > 0) open_[i] = revived;
+    return revived > 0;
+  }
+
+  std::unique_ptr<Part> part_of(std::size_t i) const {
+    return std::make_unique<Part>(dir_, "", store_.folder_of(i).string(), true);
+  }
+
+  Running start(std::size_t i, std::string identity) const {
     const BatchItem& item = m_.items[i];
     const BatchCommand& command = m_.commands[item.command];
     Running r;
     r.index = i;
+    r.identity = std::move(identity);
     r.part = part_of(i);
-    std::vector<std::string> line = {o_.program, command.name};
-    for (const auto* list : {&o_.program_arguments, &command.always, &item.arguments})
-      line.insert(line.end(), list->begin(), list->end());
+    store_.fill(i, r.part->path());
+    const std::size_t space = command.name.find(' ');
+    std::vector<std::string> line = {o_.program, command.name.substr(0, space)};
+    line.insert(line.end(), o_.program_arguments.begin(), o_.program_arguments.end());
+    if (space != std::string::npos) line.push_back(command.name.substr(space + 1));
+    line.insert(line.end(), command.always.begin(), command.always.end());
+    std::vector<std::string> arguments = item.arguments;
+    for (const BatchInput& input : item.inputs)
+      if (input.item) arguments[input.argument] = input.before + store_.path_of(input);
+    line.insert(line.end(), arguments.begin(), arguments.end());
     const std::string folder = r.part->path(), log = folder + "/log.txt";
     r.start = Clock::now();
     r.child = std::make_unique<ChildProcess>(
-        line, ChildOptions{folder, command.result_on_stdout ? folder + "/" + command.result : log,
-                           log, true});
+        line, ChildOptions{folder,
+                           command.result_on_stdout ? folder + "/" + command.result : log,
+                           log,
+                           true,
+                           {},
+                           o_.starter});
     return r;
   }
 
@@ -318,77 +381,104 @@ class Batch {
     return true;
   }
 
-  // The row of a finished item from its folder.
-  ItemRow row_of(std::size_t i, const fs::path& folder) const {
-    const BatchCommand& command = m_.commands[m_.items[i].command];
-    const std::string warnings = warnings_of(folder / "log.txt");
-    return {m_.items[i].name, command.name, warnings.empty() ? "done" : "done with warning",
-            warnings, read_figures((folder / command.result).string(), command.unrepeatable)};
-  }
-
-  ItemRow end(const Running& r, const Json& identity) const {
-    const BatchItem& item = m_.items[r.index];
+  void end(const Running& r) {
     const ChildEnd ended = r.child->end();
-    const double seconds = seconds_since(r.start);
     const fs::path part = r.part->path();
-    const std::string said = last_line(part / "log.txt");
-    std::string reason;
+    const std::string said = ItemStore::last_line(part / "log.txt");
+    ItemEnd end{"", seconds_since(r.start), static_cast<double>(ended.memory)};
+    if (o_.claims && !r.late && !ended.exited && ended.code == SIGKILL) {
+      // On a cluster that is a lack of memory, or the end of the job: it may do better elsewhere.
+      release(r.index);
+      return settle(r.index, State::kLeft);
+    }
     if (r.late) {
-      reason = fmt::format("took longer than {:g} s", o_.time_limit);
+      end.reason = fmt::format("took longer than {:g} s", o_.time_limit);
     } else if (!ended.exited) {
-      reason = std::string("ended by signal ") + std::to_string(ended.code) + " (" +
-               strsignal(ended.code) + ")" + (said.empty() ? "" : ": " + said);
+      end.reason = std::string("ended by signal ") + std::to_string(ended.code) + " (" +
+                   strsignal(ended.code) + ")" + (said.empty() ? "" : ": " + said);
     } else if (ended.code != 0) {
-      reason = said.empty() ? "exit status " + std::to_string(ended.code) : said;
+      end.reason = said.empty() ? "exit status " + std::to_string(ended.code) : said;
     }
+    put(r.index, part, r.identity, end);
+  }
+
+  void put(std::size_t i, const fs::path& part, const std::string& identity, const ItemEnd& end) {
+    seconds_[i] = end.seconds;
+    memory_[i] = end.memory;
+    const bool all = not_done_[i] > 0 || o_.claims;  // a dependant may need what isn't kept
+    ItemRow row = store_.put(i, part, identity, end, all);
+    release(i);
+    const bool failed = row.failed();
+    const std::string how = row.status;
+    const auto entry = store_.last(i);
+    if (!entry) odd_[i] = std::move(row);  // it could not be written
+    if (entry && !failed) check_disk(i, *entry);
+    report(i, failed ? State::kFailed : State::kDone, how);
+  }
+
+  // After the first item of each step or command: whether there is space for the others like it.
+  void check_disk(std::size_t i, const LedgerEntry& entry) {
+    const auto like = [&](std::size_t k) {
+      return m_.items[k].step == m_.items[i].step && m_.items[k].command == m_.items[i].command;
+    };
+    if (!o_.warn || !measured_.emplace(m_.items[i].step, m_.items[i].command).second) return;
+    double each = 0;
+    for (const LedgerFile& file : entry.files)
+      if (keeps(m_.items[i].keep, file.name))
+        each += static_cast<double>(std::max<std::uint64_t>(file.size, 4096));
+    std::size_t left = 0;
+    for (std::size_t k = 0; k < m_.items.size(); ++k)
+      left += k != i && like(k) && selected_[k] && state_[k] == State::kWaits;
     std::error_code error;
-    for (const std::string& file : item.made)
-      if (reason.empty() && !fs::exists(part / file, error)) reason = "wrote no " + file;
-    if (!reason.empty()) return failed(r.index, part, identity, reason, seconds);
+    const double free =
+        o_.free_disk ? o_.free_disk() : static_cast<double>(fs::space(dir_, error).available);
+    const double needed = each * static_cast<double>(left);
+    if (error || needed <= free) return;
+    o_.warn(fmt::format(
+        "{}: {} more items like '{}' ({} each) need about {} on disk, {} are free; keep less of "
+        "each (keep in the manifest), or end this and give another folder",
+        o_.folder, left, m_.items[i].name, size_text(each), size_text(needed), size_text(free)));
+  }
+
+  void release(std::size_t i) const {
+    if (o_.claims) o_.claims->release(m_.items[i].name);
+  }
+
+  void report(std::size_t i, State state, const std::string& how) {
+    settle(i, state);
+    if (!o_.progress) return;
+    const std::string reason = how == "was done" && !o_.look ? std::string() : row(i).reason;
+    o_.progress("[" + std::to_string(ended_) + "/" + std::to_string(concerned_count_) + "] " +
+                m_.items[i].name + ": " + how + (reason.empty() ? "" : ": " + reason));
+  }
+
+  // An item has ended, or will not run: what waits for it is considered.
+  void settle(std::size_t i, State state) {
+    state_[i] = state;
+    ++ended_;
+    const auto wake = [&](std::size_t d) {
+      if (--open_[d] == 0) ready_.push(d);
+    };
+    if (forced_[i]) {
+      for (const std::size_t d : std::exchange(waiting_for_[i], {})) wake(d);
+      return;
+    }
+    for (const std::size_t d : needed_by_[i]) wake(d);
+    if (state != State::kDone || o_.look || o_.claims) return;
+    // What is not kept stays until all that may read it is done.
+    if (not_done_[i] == 0) drop(i);
+    for (const std::size_t need : m_.items[i].needs)
+      if (--not_done_[need] == 0) drop(need);
+  }
+
+  void drop(std::size_t i) {
+    if (m_.items[i].keep == BatchKeep::kAll) return;
     try {
-      ItemRow row = row_of(r.index, part);
-      Json record = {{"schema", kSchema}, {"schema_version", 1}, {"status", "done"}};
-      record.update(identity);
-      record["outputs"] = outputs_of(part);
-      record["seconds"] = seconds;
-      write_file((part / "item.json").string(), json_text(record));
-      replace(r.index, part);
-      return row;
+      store_.drop(i);
     } catch (const std::exception& e) {
-      // Paths inside the work folder would name a folder that is gone.
-      const std::string text = e.what();
-      const std::string prefix = part.string() + "/";
-      return failed(r.index, part, identity,
-                    text.rfind(prefix, 0) == 0 ? text.substr(prefix.size()) : text, seconds);
+      if (o_.progress)
+        o_.progress(m_.items[i].name + ": what is not kept can't be removed: " + e.what());
     }
-  }
-
-  // Of a failed item remain the log and why.
-  ItemRow failed(std::size_t i, const fs::path& part, const Json& identity,
-                 const std::string& reason, double seconds) const {
-    try {
-      for (const auto& entry : fs::directory_iterator(part))
-        if (entry.path().filename() != "log.txt") fs::remove_all(entry.path());
-      Json record = {
-          {"schema", kSchema}, {"schema_version", 1}, {"status", "failed"}, {"reason", reason}};
-      record.update(identity);
-      record["seconds"] = seconds;
-      write_file((part / "item.json").string(), json_text(record));
-      replace(i, part);
-    } catch (const std::exception&) {
-      // The row has what went wrong first.
-    }
-    return {m_.items[i].name, m_.commands[m_.items[i].command].name, "failed", reason, {}};
-  }
-
-  // What stood there is removed with the part.
-  void replace(std::size_t i, const fs::path& part) const {
-    const fs::path folder = folder_of(i);
-    int error = rename_to_new(part, folder);
-    if (error == EEXIST || error == ENOTEMPTY) error = exchange(part, folder);
-    if (error)
-      throw Error(folder.string() +
-                  ": cannot be written: " + std::generic_category().message(error));
   }
 
   void stop(std::vector<Running>& running) const {
@@ -403,16 +493,72 @@ class Batch {
     running.clear();  // kills what still runs
   }
 
+  // ---- What came of it
+
+  ItemRow row(std::size_t i) const {
+    if (const auto odd = odd_.find(i); odd != odd_.end()) return odd->second;
+    const auto entry = store_.last(i, true);
+    return store_.row(i, entry ? *entry : LedgerEntry{});
+  }
+
+  BatchResult result() {
+    BatchResult done;
+    done.run = run_;
+    done.interrupted = stopped_;
+    done.seconds = std::move(seconds_);
+    done.memory = std::move(memory_);
+    std::vector<std::size_t> ended;
+    for (std::size_t i = 0; i < m_.items.size(); ++i) {
+      if (!concerned_[i]) continue;
+      if (state_[i] == State::kDone || state_[i] == State::kFailed)
+        ended.push_back(i);
+      else
+        done.left.push_back(i);
+      done.failed += state_[i] == State::kFailed;
+    }
+    // The rows outlive this object: with what they are read from.
+    auto ledger = std::make_shared<Ledger>(dir_, "local");
+    ledger->load();
+    auto store = std::make_shared<ItemStore>(m_, dir_, o_.version, o_.build, *ledger, true);
+    const std::size_t count = ended.size();
+    done.rows = ItemRows(count,
+                         [ledger, store, manifest = manifest_, odd = odd_,
+                          ended = std::move(ended)](std::size_t k) -> ItemRow {
+                           if (const auto it = odd.find(ended[k]); it != odd.end())
+                             return it->second;
+                           const auto entry = store->last(ended[k], true);
+                           return store->row(ended[k], entry ? *entry : LedgerEntry{});
+                         });
+    return done;
+  }
+
+  std::shared_ptr<const BatchManifest> manifest_;
   const BatchManifest& m_;
   const BatchOptions& o_;
   fs::path dir_;
+  Ledger ledger_;
+  ItemStore store_;
   bool stopped_ = false;
+  std::size_t run_ = 0, ended_ = 0, concerned_count_ = 0;
+
+  // By item.
+  std::vector<bool> selected_, concerned_;  // may run; matters at all
+  std::vector<bool> forced_;                // runs again for the files that were not kept
+  std::vector<State> state_;
+  std::vector<std::size_t> open_, not_done_;  // what it waits for; who may still read it
+  std::vector<std::vector<std::size_t>> needed_by_;
+  std::vector<double> seconds_, memory_;
+  std::map<std::size_t, ItemRow> odd_;                           // rows that stand in no folder
+  std::map<std::size_t, std::vector<std::size_t>> waiting_for_;  // of forced ones
+  std::priority_queue<std::size_t, std::vector<std::size_t>, std::greater<>> ready_;
+  std::vector<std::size_t> held_;                           // by another process
+  std::set<std::pair<std::string, std::size_t>> measured_;  // steps and commands, for their disk
 };
 
 }  // namespace
 
-BatchResult run_batch(const BatchManifest& manifest, const BatchOptions& options) {
-  return Batch(manifest, options).run();
+BatchResult run_batch(BatchManifest manifest, const BatchOptions& options) {
+  return Batch(std::make_shared<const BatchManifest>(std::move(manifest)), options).run();
 }
 
 }  // namespace toothprep

@@ -223,6 +223,16 @@ std::string adequacy_line(const FitResult& fit) {
       worst->factor, worst->of, worst->low, worst->high);
 }
 
+// What can't be meant of the fitted values or the recorded speed; what the settings said of
+// themselves was judged before.
+void warn_of_implausible(const Parameters& before, CalibrationResult& c) {
+  std::vector<std::string> known;
+  for (const Finding& f : judge_parameters(before)) known.push_back(message_of(f));
+  for (const Finding& f : judge_parameters(c.parameters))
+    if (std::find(known.begin(), known.end(), message_of(f)) == known.end())
+      c.fit.warnings.push_back("the fit: " + message_of(f));
+}
+
 }  // namespace
 
 std::vector<MeasuredRecording> read_recordings(const std::vector<std::string>& files,
@@ -236,7 +246,13 @@ std::vector<MeasuredRecording> read_recordings(const std::vector<std::string>& f
         read_recording(file, settings.force,
                        settings.coupled ? RecordedPose::kHandle : RecordedPose::kBurOrHandle));
     const MeasuredRecording& r = recordings.back();
-    if (listener.judged) listener.judged(file, judge_motion(r.motion.samples));
+    const std::vector<Finding> findings = judge_motion(r.motion.samples);
+    // Of a path too small nothing that follows would name the cause.
+    for (const Finding& f : findings)
+      if (f.what == Implausible::kExtent)
+        throw InputError(file, "position", f.text + "; likely cause: " + f.cause,
+                         "read it with `toothprep import --length-unit m`");
+    if (listener.judged) listener.judged(file, findings);
     check_same_tooth(r, tooth_sha256, tooth);
     if (!r.bur.empty() && r.bur != bur)
       warn(listener, file + ": was recorded with the bur " + r.bur + ", not " + bur);
@@ -278,6 +294,7 @@ CalibrationResult calibrate(const Bur& bur, const LayeredTooth& tooth,
   own.fit.rough_motion = !rounded.empty();
   (settings.coupled ? fit_handle : fit_imposed)(bur, tooth, recordings, motions, own, listener, c);
   c.fit.warnings.insert(c.fit.warnings.begin(), rounded.begin(), rounded.end());
+  warn_of_implausible(settings.parameters, c);
   if (settings.fit.estimate_lowpass)
     for (ComparedRecording& r : c.recordings) set_lowpass(r, c.fit.lowpass.value, false);
   return c;

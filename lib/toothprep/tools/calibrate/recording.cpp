@@ -137,6 +137,9 @@ MeasuredRecording parse_recording(h5::Reader& in, RecordedPose pose) {
   if (time.size() < 2) in.refuse("/time", "holds fewer than two samples", "record a motion");
   const std::string owner =
       pose == RecordedPose::kBurOrHandle && in.has("/bur/position") ? "/bur" : "/handle";
+  if (in.number("schema_version").value_or(0) == 2)
+    in.refuse("/events", "the session was paused, taken back or went on with another bur",
+              "calibrate by a recording of one bur on one tooth");
   if (!in.has(owner + "/position"))
     in.refuse(owner + "/position", "is missing",
               pose == RecordedPose::kHandle

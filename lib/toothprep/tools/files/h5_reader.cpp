@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <utility>
 
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/core/tissue.h"
@@ -277,6 +278,20 @@ std::vector<double> Reader::read(const Set& set) const {
     if (!std::isfinite(values[i]))
       refuse(set.name + ", row " + std::to_string(i / static_cast<std::size_t>(set.width)),
              "is not finite");
+  return values;
+}
+
+std::vector<double> Reader::read_table(const std::string& name, const char* unit, int width) {
+  if (!has(name)) refuse(name, "is missing");
+  {
+    const Set set{
+        Handle(H5Oopen(file_.get(), name.c_str(), H5P_DEFAULT), H5Oclose), name, 0, 0, {}};
+    if (set.handle && H5Iget_type(set.handle.get()) == H5I_DATASET)
+      if (const auto size = extent(set); !size.empty() && size[0] == 0) return {};
+  }
+  const auto rows = std::exchange(rows_, std::nullopt);
+  std::vector<double> values = read(open(name, unit, width, true));
+  rows_ = rows;
   return values;
 }
 

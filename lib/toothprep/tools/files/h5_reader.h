@@ -66,6 +66,9 @@ class Reader {
   // All values, finite.
   std::vector<double> read(const Set& set) const;
 
+  // A dataset that has rows of its own, perhaps none.
+  std::vector<double> read_table(const std::string& name, const char* unit, int width);
+
   // /time: read first, since a file can't claim rows that it doesn't hold and have them increase.
   std::vector<double> read_time();
 

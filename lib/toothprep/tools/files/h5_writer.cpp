@@ -263,11 +263,12 @@ GrowingWriter::GrowingWriter(const std::string& path, const std::string& shown,
 GrowingWriter::~GrowingWriter() { columns_.clear(); }
 
 std::size_t GrowingWriter::column(const char* name, const char* unit, int width, Storage storage,
-                                  const std::vector<std::string>& tissues) {
+                                  const std::vector<std::string>& tissues,
+                                  std::size_t rows_per_chunk) {
   const int dimensions = width == 1 ? 1 : 2;
   const hsize_t size[2] = {0, static_cast<hsize_t>(width)};
   const hsize_t most[2] = {H5S_UNLIMITED, size[1]};
-  const hsize_t chunk[2] = {rows_per_chunk_, size[1]};
+  const hsize_t chunk[2] = {rows_per_chunk ? rows_per_chunk : rows_per_chunk_, size[1]};
   const Handle space(H5Screate_simple(dimensions, size, most), H5Sclose);
   const Handle creation(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
   const double zero = 0;
@@ -339,8 +340,9 @@ void GrowingWriter::write_checksums(const std::set<std::string>& attributes) {
     lines.insert(*line);
   }
   for (Column& c : columns_)
-    lines.insert(
-        dataset_line(c.name, type_of(c.storage), shape_of_rows(c.rows, c.width), c.hash->hex()));
+    if (c.rows > 0)
+      lines.insert(
+          dataset_line(c.name, type_of(c.storage), shape_of_rows(c.rows, c.width), c.hash->hex()));
   set_text(kChecksums, checksum_list(lines));
 }
 

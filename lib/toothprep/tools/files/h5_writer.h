@@ -77,12 +77,13 @@ class GrowingWriter : public Writer {
   GrowingWriter(const std::string& path, const std::string& shown, std::size_t rows_per_chunk);
   ~GrowingWriter();  // close() or abandon() was not called: closes
 
+  // `rows_per_chunk`: 0 for the file's.
   std::size_t column(const char* name, const char* unit, int width, Storage storage,
-                     const std::vector<std::string>& tissues = {});
+                     const std::vector<std::string>& tissues = {}, std::size_t rows_per_chunk = 0);
   // Writes the checksums of all attributes but of these, of the root, which will change.
   void start(const std::set<std::string>& changing);
 
-  // So many rows of a column; after a flush() all columns should have as many.
+  // So many rows of a column; after a flush() all columns of a table should have as many.
   void append(std::size_t column, const double* values, std::size_t rows);
   void flush();
 

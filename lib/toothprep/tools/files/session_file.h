@@ -18,6 +18,15 @@
 //   /device/buttons           1      bits
 //   /mirror/position, /mirror/orientation, /mirror/buttons: the same of a second device
 //
+// Of a session that can be controlled from outside, a row per event (core/session_event.h):
+//
+//   /events/time              s      of the row with which it happened
+//   /events/kind              1      EventKind
+//   /events/arguments         1 x7   of the event, else 0
+//
+// With the first of them schema_version becomes 2, which readers that know none refuse; event_burs
+// lists the burs that it could change to, a line each.
+//
 // and root attributes: live = 1, complete (0 until it was closed), device_* (identity and limits),
 // the session's limits, registration_* (D to W, and where the hand was then: not a number before the
 // first row), dropped_ticks, end_reason, checksums (h5_checksums.h).

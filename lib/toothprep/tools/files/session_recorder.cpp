@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <deque>
 #include <filesystem>
 #include <limits>
 #include <optional>
@@ -45,6 +46,7 @@ const std::set<std::string> kKnownLater = {"torque_work_mJ",
                                            "registration_hand_position_mm",
                                            "registration_hand_orientation"};
 constexpr const char* kComplete = "complete";
+constexpr const char* kVersion = "schema_version";  // known later if the session is controlled
 
 std::vector<double> list(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 std::vector<double> list(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
@@ -60,6 +62,7 @@ void write_head(h5::Writer& out, const SessionHeader& header) {
   trace.engine = header.trace.engine;
   trace.initial_overlap_mm3 = header.trace.initial_overlap_mm3;
   trace.audit = {not_yet, not_yet, not_yet};
+  trace.events.burs = header.trace.events.burs;
   write_trace_head(out, trace);
 
   out.integer("live", 1);
@@ -153,7 +156,13 @@ class SessionRecorder::File {
       if (columns_[i].tick_values &&
           std::strcmp(session_columns()[i - trace_columns().size()].dataset, "/servo/flags") == 0)
         flags_ = i;
-    std::set<std::string> changing = kKnownLater;
+    if (!header.trace.events.burs.empty()) {
+      known_later_.insert(kVersion);
+      out_.group("/events");
+      for (const EventColumn& c : kEventColumns)  // each row is a chunk: it is written once
+        events_.push_back(out_.column(c.dataset, c.unit, c.width, c.storage, {}, 1));
+    }
+    std::set<std::string> changing = known_later_;
     changing.insert(kComplete);
     out_.start(changing);
   }
@@ -171,6 +180,10 @@ class SessionRecorder::File {
     }
     if (!good) values_[flags_][0] = tick.flags | kForceNotFinite;
     if (!began_) began_ = tick;
+    if (tick.event.kind != EventKind::kNone) {
+      happened_.push_back(tick.event);
+      happened_.back().time = tick.row.handle.time;
+    }
     for (std::size_t i = 0; i < columns_.size(); ++i)
       columns_[i].waiting.insert(columns_[i].waiting.end(), values_[i].begin(),
                                  values_[i].begin() + columns_[i].width);
@@ -185,6 +198,8 @@ class SessionRecorder::File {
     const auto lock = h5::lock_hdf5();
     const h5::Quiet quiet;
     if (began_ && !registered_) write_registration(*began_);
+    const auto at_last = static_cast<std::size_t>(rows - 1);
+    write_events(columns_.front().waiting[at_last]);
     for (Column& c : columns_) {
       out_.append(c.index, c.waiting.data(), static_cast<std::size_t>(rows));
       c.waiting.erase(c.waiting.begin(), c.waiting.begin() + rows * c.width);
@@ -202,7 +217,7 @@ class SessionRecorder::File {
     out_.set_number("energy_ratio", end.audit.energy_ratio);
     out_.set_number("dropped_ticks", static_cast<double>(dropped));
     out_.set_text("end_reason", end.reason);
-    out_.write_checksums(kKnownLater);
+    out_.write_checksums(known_later_);
     out_.flush();
     out_.set_number(kComplete, 1);
     out_.close();
@@ -221,6 +236,18 @@ class SessionRecorder::File {
   }
 
  private:
+  // Those of rows up to `time`, before these rows.
+  void write_events(double time) {
+    while (!happened_.empty() && happened_.front().time <= time && !events_.empty()) {
+      out_.set_number(kVersion, kSchemaVersionWithEvents);
+      for (std::size_t c = 0; c < events_.size(); ++c) {
+        double kind = 0;
+        out_.append(events_[c], event_values(happened_.front(), c, kind), 1);
+      }
+      happened_.pop_front();
+    }
+  }
+
   // Where the hand was when its frame was laid.
   void write_registration(const LiveTick& first) {
     registered_ = true;
@@ -244,6 +271,9 @@ class SessionRecorder::File {
   Quat rotation_;  // D to W
   bool laid_ = false, registered_ = false;
   std::optional<LiveTick> began_;  // the first one
+  std::set<std::string> known_later_ = kKnownLater;
+  std::vector<std::size_t> events_;    // columns; none of a session that nobody controls
+  std::deque<SessionEvent> happened_;  // and aren't in the file yet
   std::vector<Column> columns_;
   std::vector<std::array<double, kMostWidth>> values_;  // of one tick, by column
   std::size_t flags_ = 0;

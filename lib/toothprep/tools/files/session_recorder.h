@@ -33,8 +33,8 @@
 #include <thread>
 
 #include "toothprep/step/core/live_tick.h"
+#include "toothprep/step/core/spsc_ring.h"
 #include "toothprep/tools/files/session_file.h"
-#include "toothprep/tools/files/spsc_ring.h"
 #include "toothprep/tools/io/part.h"
 #include "toothprep/tools/io/path_lock.h"
 

@@ -14,6 +14,7 @@
 #include "toothprep/tools/files/h5_reader.h"
 #include "toothprep/tools/files/h5_writer.h"
 #include "toothprep/tools/files/session_file.h"
+#include "toothprep/tools/files/trace_parts.h"
 #include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
@@ -118,6 +119,8 @@ std::uint64_t increasing_rows(const Dataset& time) {
   return good;
 }
 
+bool is_of_events(const std::string& name) { return name.rfind("/events/", 0) == 0; }
+
 class Salvage {
  public:
   Salvage(const std::string& from, Recovery& result)
@@ -136,22 +139,27 @@ class Salvage {
     time->readable = increasing_rows(*time);
     rows_ = most_ = time->readable;
     for (const Dataset& set : sets_) {
+      if (is_of_events(set.name)) continue;
       rows_ = std::min(rows_, set.readable);
       most_ = std::max(most_, set.rows);
     }
     if (rows_ == 0) throw InputError(path_, "", "holds no rows that can be read", "");
     tell();
+    events_ = events_kept();
   }
 
   void write(const std::string& to) {
     h5::Writer out(to);
     for (const std::string& name : attribute_names(file_.get())) copy_attribute(out, name);
     out.integer("recovered", 1);
-    for (const std::string& name : groups_) out.group(name.c_str());
+    for (const std::string& name : groups_)
+      if (events_ > 0 || name != "/events") out.group(name.c_str());
     std::vector<double> values;
     for (const Dataset& set : sets_) {
-      values.resize(rows_ * static_cast<std::uint64_t>(set.width));
-      if (!read_rows(set, 0, rows_, values.data()))
+      const std::uint64_t rows = is_of_events(set.name) ? events_ : rows_;
+      if (rows == 0) continue;
+      values.resize(rows * static_cast<std::uint64_t>(set.width));
+      if (!read_rows(set, 0, rows, values.data()))
         throw InputError(path_, set.name, "cannot be read", "");
       const std::vector<std::string> unit = texts(set.handle.get(), "units");
       out.dataset(set.name.c_str(), unit.empty() ? "" : unit[0].c_str(), values, set.width,
@@ -178,6 +186,27 @@ class Salvage {
     return H5Sget_simple_extent_npoints(space.get());
   }
 
+  // What happened up to the last row that is kept.
+  std::uint64_t events_kept() const {
+    const auto named = [this](const std::string& name) {
+      return std::find_if(sets_.begin(), sets_.end(),
+                          [&](const Dataset& set) { return set.name == name; });
+    };
+    double last = 0;
+    std::uint64_t kept = std::numeric_limits<std::uint64_t>::max();
+    for (const EventColumn& column : kEventColumns) {
+      const auto set = named(column.dataset);
+      if (set == sets_.end()) return 0;
+      kept = std::min(kept, set->readable);
+    }
+    std::vector<double> times(kept);
+    if (!read_rows(*named("/time"), rows_ - 1, 1, &last) ||
+        !read_rows(*named(kEventColumns[0].dataset), 0, kept, times.data()))
+      return 0;
+    return static_cast<std::uint64_t>(std::upper_bound(times.begin(), times.end(), last) -
+                                      times.begin());
+  }
+
   void lose(const std::string& line, bool was_there) {
     result_.lost.push_back(line);
     result_.gives_up = result_.gives_up || was_there;
@@ -196,6 +225,7 @@ class Salvage {
     hsize_t size[H5S_MAX_RANK] = {0, 1};
     if (storage && (dimensions == 1 || dimensions == 2))
       H5Sget_simple_extent_dims(space.get(), size, nullptr);
+    if (size[0] == 0 && is_of_events(name)) return;
     if (size[0] == 0 || size[0] > static_cast<std::uint64_t>(kMostSamples) || size[1] < 1 ||
         size[1] > kWidest)
       return lose(name + " is empty or no table of numbers", size[0] != 0);
@@ -228,6 +258,7 @@ class Salvage {
 
   void copy_attribute(h5::Writer& out, const std::string& name) {
     if (name == h5::kChecksums || name == h5::kChecksumsOfHead || name == "recovered") return;
+    if (name == "schema_version" && events_ == 0) return out.integer(name.c_str(), 1);
     if (name == "complete") return out.integer("complete", complete_ && rows_ == most_);
     const Handle attribute(H5Aopen(file_.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
     const Handle type(H5Aget_type(attribute.get()), H5Tclose);
@@ -254,7 +285,7 @@ class Salvage {
   Recovery& result_;
   std::vector<std::string> groups_;
   std::vector<Dataset> sets_;
-  std::uint64_t rows_ = 0, most_ = 0;
+  std::uint64_t rows_ = 0, most_ = 0, events_ = 0;
   bool complete_ = false;
 };
 

@@ -14,6 +14,7 @@
 #include <optional>
 #include <set>
 #include <sstream>
+#include <utility>
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
@@ -35,7 +36,9 @@ constexpr const char* kVersionKey = "toothprep_schema_version";
 constexpr const char* kVoxelKey = "voxel_mm";
 constexpr const char* kHashKey = "tooth_sha256";
 constexpr const char* kVolumePrefix = "volume_mm3_";
-constexpr std::array<const char*, 4> kLevelSetNames = {"solid", "enamel", "dentin", "pulp"};
+constexpr std::array<const char*, 6> kLevelSetNames = {"solid", "enamel", "dentin",
+                                                       "pulp",  "intact", "cut"};
+constexpr int kAlways = 4;  // of them in every tooth; the other two in one that was cut here
 
 constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 33;  // of a file
 constexpr double kFarthest = 1e4;                             // mm, of a tooth from the origin
@@ -46,11 +49,20 @@ constexpr double kLargest = 300;                              // mm
 constexpr std::size_t kTrialMemory = std::size_t{3} << 28, kTrialMemoryPerByte = 60;
 constexpr double kTrialSeconds = 0.5, kTrialSecondsPerByte = 1e-7;  // CPU
 
-LevelSet& level_set(LayeredTooth& tooth, int k) {
+// How far the solid of a file may be from what its parts make of it, in voxels: half floats carry
+// 11 bits of three voxels.
+constexpr float kMostMismatch = 0.01F;
+
+// The level set of a name; the last two only of a tooth that has parts.
+const LevelSet& level_set(const LayeredTooth& tooth, int k) {
+  if (k >= kAlways) return k == kAlways ? tooth.parts->intact : tooth.parts->cut;
   return k == 0 ? tooth.solid : tooth.remains[k - 1];
 }
-const LevelSet& level_set(const LayeredTooth& tooth, int k) {
-  return k == 0 ? tooth.solid : tooth.remains[k - 1];
+LevelSet& level_set(LayeredTooth& tooth, int k) {
+  return const_cast<LevelSet&>(level_set(std::as_const(tooth), k));
+}
+int level_sets_of(const LayeredTooth& tooth) {
+  return tooth.parts ? static_cast<int>(kLevelSetNames.size()) : kAlways;
 }
 
 std::string text_of(double value) { return fmt::format("{:.9g}", value); }
@@ -285,6 +297,11 @@ void check_schema(const std::string& path, const Archive& archive) {
                    "make one with 'toothprep voxelize' or 'toothprep specimen'");
 }
 
+bool has_grid(const Archive& archive, const std::string& name) {
+  return std::any_of(archive.grids->begin(), archive.grids->end(),
+                     [&](const auto& grid) { return grid && grid->getName() == name; });
+}
+
 template <class Grid>
 typename Grid::Ptr find_grid(const std::string& path, const Archive& archive,
                              const std::string& name, const char* wanted) {
@@ -352,34 +369,70 @@ void fill_bricks(BrickGrid<T>& bricks, const Grid& grid, Convert convert,
   }
 }
 
+// Those of kLevelSetNames that the file has.
+std::vector<FloatGrid::Ptr> find_level_sets(const std::string& path, const Archive& archive) {
+  const bool intact = has_grid(archive, "intact"), cut = has_grid(archive, "cut");
+  if (intact != cut)
+    refuse_grid(path, intact ? "cut" : "intact",
+                std::string("is missing, though there is '") + (intact ? "intact'" : "cut'"),
+                "a prepared tooth has both; delete the other to go by 'solid' alone");
+  std::vector<FloatGrid::Ptr> found;
+  for (std::size_t k = 0; k < (cut ? kLevelSetNames.size() : std::size_t{kAlways}); ++k)
+    found.push_back(find_grid<FloatGrid>(path, archive, kLevelSetNames[k], "float"));
+  return found;
+}
+
+// Refuses a level set that isn't one in mm, on the lattice of the others.
+void check_level_set(const std::string& path, const std::string& name, const FloatGrid& grid,
+                     const Lattice& lattice) {
+  const Lattice own = lattice_of(path, name, grid);
+  if (std::abs(own.voxel - lattice.voxel) > 1e-6 * lattice.voxel ||
+      (own.origin - lattice.origin).cwiseAbs().maxCoeff() > 1e-4 * lattice.voxel)
+    refuse_grid(path, name, "lies on another lattice than the grid 'tissue'",
+                "resample all grids to one transform");
+  const double width = grid.background() / lattice.voxel;
+  if (!(width >= 1 && width <= 20))
+    refuse_grid(path, name,
+                "is not a narrow-band level set in mm (background " + text_of(grid.background()) +
+                    " at a voxel size of " + text_of(lattice.voxel) + " mm)",
+                "distances in mm, negative inside, with a band of about 3 voxels are expected");
+}
+
+// What was cut out of the intact tooth is the solid that the file has.
+void check_parts(const std::string& path, const LayeredTooth& tooth) {
+  if (!tooth.parts) return;
+  const ToothParts& parts = *tooth.parts;
+  const auto voxel = static_cast<float>(tooth.lattice.voxel);
+  for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
+    const float *solid = tooth.solid.brick(b), *intact = parts.intact.brick(b),
+                *cut = parts.cut.brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const float off = std::abs(solid[v] - std::max(intact[v], -cut[v]));
+      if (off <= kMostMismatch * voxel) continue;
+      const Index3 i = tooth.solid.brick_origin(b) + Index3(v >> 6, (v >> 3) & 7, v & 7);
+      refuse_grid(path, "solid",
+                  fmt::format("is not what 'cut' leaves of 'intact': {:.4g} mm off at the voxel "
+                              "{}, {}, {}",
+                              off, i.x(), i.y(), i.z()),
+                  "delete 'intact' and 'cut' to go by 'solid' alone");
+    }
+  }
+}
+
 LayeredTooth tooth_of(const std::string& path, const Archive& archive) {
   check_schema(path, archive);
 
   const Int32Grid::Ptr tissue = find_grid<Int32Grid>(path, archive, "tissue", "int32");
-  std::array<FloatGrid::Ptr, 4> level_sets;
-  for (int k = 0; k < 4; ++k)
-    level_sets[k] = find_grid<FloatGrid>(path, archive, kLevelSetNames[k], "float");
-
+  const std::vector<FloatGrid::Ptr> level_sets = find_level_sets(path, archive);
   const Lattice lattice = lattice_of(path, "tissue", *tissue);
   openvdb::CoordBBox box = extent_of(*tissue);
   if (tissue->background() != 0)
     refuse_grid(path, "tissue", "its background is " + std::to_string(tissue->background()),
                 "the background must be 0 (air)");
   if (box.empty()) refuse_grid(path, "tissue", "is empty: no voxel has a label");
-  for (int k = 0; k < 4; ++k) {
-    const FloatGrid& grid = *level_sets[k];
-    const Lattice own = lattice_of(path, kLevelSetNames[k], grid);
-    if (std::abs(own.voxel - lattice.voxel) > 1e-6 * lattice.voxel ||
-        (own.origin - lattice.origin).cwiseAbs().maxCoeff() > 1e-4 * lattice.voxel)
-      refuse_grid(path, kLevelSetNames[k], "lies on another lattice than the grid 'tissue'",
-                  "resample all grids to one transform");
-    const double width = grid.background() / lattice.voxel;
-    if (!(width >= 1 && width <= 20))
-      refuse_grid(path, kLevelSetNames[k],
-                  "is not a narrow-band level set in mm (background " + text_of(grid.background()) +
-                      " at a voxel size of " + text_of(lattice.voxel) + " mm)",
-                  "distances in mm, negative inside, with a band of about 3 voxels are expected");
-    box.expand(extent_of(grid));
+  for (std::size_t k = 0; k < level_sets.size(); ++k) {
+    check_level_set(path, kLevelSetNames[k], *level_sets[k], lattice);
+    box.expand(extent_of(*level_sets[k]));
   }
   // Judged in double before anything is allocated: a damaged or hostile file can claim any size.
   const openvdb::Vec3d bricks = (box.max().asVec3d() - box.min().asVec3d()) / kBrickEdge + 3.0;
@@ -400,7 +453,8 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive) {
     return static_cast<std::uint8_t>(v);
   };
   fill_bricks(tooth.tissue, *tissue, label, label);
-  for (int k = 0; k < 4; ++k) {
+  if (level_sets.size() > kAlways) tooth.parts = ToothParts{tooth.solid, tooth.solid};  // all air
+  for (int k = 0; k < level_sets_of(tooth); ++k) {
     const float width = level_sets[k]->background();
     const auto band = static_cast<float>(tooth.band());
     const auto distance = [&](float v) {
@@ -419,6 +473,7 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive) {
     };
     fill_bricks(level_set(tooth, k), *level_sets[k], distance, tile);
   }
+  check_parts(path, tooth);
 
   static const std::set<std::string> kOwn = {kSchemaKey, kVersionKey, kVoxelKey, kHashKey};
   for (auto it = archive.meta->beginMeta(); it != archive.meta->endMeta(); ++it)
@@ -482,17 +537,17 @@ LayeredTooth read_tooth(const std::string& path, ReadPolicy policy) {
 void write_tooth(const LayeredTooth& tooth, const std::string& path) {
   openvdb::initialize();
   const auto tissue = Int32Grid::create(0);
-  std::array<FloatGrid::Ptr, 4> level_sets;
+  std::vector<FloatGrid::Ptr> level_sets(static_cast<std::size_t>(level_sets_of(tooth)));
   openvdb::GridPtrVec grids{tissue};
   describe(*tissue, "tissue", tooth);
-  for (int k = 0; k < 4; ++k) {
+  for (int k = 0; k < level_sets_of(tooth); ++k) {
     level_sets[k] = FloatGrid::create(level_set(tooth, k).background());
     level_sets[k]->setGridClass(openvdb::GRID_LEVEL_SET);
     describe(*level_sets[k], kLevelSetNames[k], tooth);
     grids.push_back(level_sets[k]);
   }
   openvdb::MetaMap meta;
-  tbb::parallel_for(0, 6, [&](int job) {
+  tbb::parallel_for(0, 2 + level_sets_of(tooth), [&](int job) {
     if (job == 0) {
       meta = file_metadata(tooth);
     } else if (job == 1) {

@@ -1,5 +1,6 @@
 // Tooth files: OpenVDB (.vdb) grids `tissue` (Int32), `solid`, `enamel`, `dentin`, `pulp` (level
-// sets, mm), as any OpenVDB program reads them.
+// sets, mm), as any OpenVDB program reads them; of a prepared tooth also its parts, `intact` and
+// `cut`.
 #pragma once
 
 #include <string>
@@ -12,7 +13,8 @@ namespace toothprep {
 
 // Throws InputError (file, grid, condition) for what is not a tooth: unreadable, truncated, not
 // .vdb, another schema, grids missing or on different lattices, rotated or non-cubic voxels, NaN,
-// labels outside 0..4, absurd size.
+// labels outside 0..4, absurd size, one of the parts without the other, parts that don't make the
+// solid.
 //
 // OpenVDB's reader trusts what it finds. A file of ours proves by its checksum that it is as we
 // wrote it; any other is first read by a child process with limits on time and memory, unless the

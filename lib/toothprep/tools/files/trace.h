@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "toothprep/step/core/session_event.h"
 #include "toothprep/step/core/step_record.h"
 #include "toothprep/tools/io/read_policy.h"
 #include "toothprep/tools/trajectory/trajectory.h"
@@ -28,8 +29,12 @@ struct Trace {                       // a trace file in memory
   EnergyAudit audit;                 // of the whole run
   double initial_overlap_mm3 = 0;    // removed before the first step; not in the audit
   std::vector<Vec3> measured_force;  // N; empty or one per row
+  SessionEvents events;              // what was done to a live session; then schema_version is 2
   bool unfinished = false;           // a live recording that was not closed: killed, or it runs
 };
+
+// The warning of a live recording `path` that was not closed.
+[[nodiscard]] std::string unfinished_text(const std::string& path);
 
 // Writes `path` itself (callers go through Outputs); same trace, same bytes (no object times).
 // Throws Error if it holds no rows or a value that is not finite, or if the disk is full.
@@ -40,7 +45,8 @@ void write_trace(const Trace& trace, const std::string& path);
 // Throws InputError (file, dataset, condition): unreadable, truncated, another schema, a dataset
 // missing, of wrong shape or type, claiming more than kMostSamples rows, in another unit, not
 // finite. The unit is required for time, positions and forces. /handle/buttons (absent: always on),
-// /contact/shank_area and /force/measured may be absent; a tissue that `tissues` doesn't name has
+// /contact/shank_area, /force/measured and /force/applied (written by the drive `load`) may be
+// absent; a tissue that `tissues` doesn't name has
 // zeros. Of a live recording that is being written or was cut off: the rows up to the last flush,
 // the audit NaN.
 [[nodiscard]] Trace read_trace(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
@@ -50,7 +56,7 @@ void write_trace(const Trace& trace, const std::string& path);
 [[nodiscard]] bool is_trace_file(const std::string& path, ReadPolicy policy = ReadPolicy::kTrial);
 
 // Reads what a trajectory needs: /time and /handle/position with units; /handle/orientation,
-// /handle/buttons and /force/measured where present. Any HDF5 file will do, whoever wrote it; other
+// /handle/buttons, /force/measured and /force/applied (the load) where present. Any HDF5 file will do, whoever wrote it; other
 // datasets are ignored. Errors as read_trace, and fewer than two samples.
 [[nodiscard]] Trajectory read_h5_trajectory(const std::string& path,
                                             ReadPolicy policy = ReadPolicy::kTrial);

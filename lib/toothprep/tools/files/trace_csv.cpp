@@ -1,6 +1,7 @@
 #include <array>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/parameters.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/files/trace_columns.h"
 #include "toothprep/tools/io/csv_writer.h"
@@ -15,6 +16,9 @@ void write_trace_csv(const Trace& trace, const std::string& path) {
     for (const std::string& name : column.csv) out.text(name);
   if (measured)
     for (const char* axis : {"x", "y", "z"}) out.text(std::string("force_measured_") + axis + "_N");
+  const bool loaded = trace.drive == name_of(Drive::kLoad);
+  if (loaded)
+    for (const char* axis : {"x", "y", "z"}) out.text(std::string("force_applied_") + axis + "_N");
   out.end_row();
   std::array<double, 4> values{};
   for (std::size_t i = 0; i < trace.rows.size(); ++i) {
@@ -24,6 +28,8 @@ void write_trace_csv(const Trace& trace, const std::string& path) {
     }
     if (measured)
       for (int c = 0; c < 3; ++c) out.number(trace.measured_force[i][c]);
+    if (loaded)
+      for (int c = 0; c < 3; ++c) out.number(trace.rows[i].handle.load[c]);
     out.end_row();
   }
   out.close();

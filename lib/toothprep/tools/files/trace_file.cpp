@@ -1,7 +1,10 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/parameters.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/files/trace_columns.h"
 #include "toothprep/tools/files/trace_parts.h"
@@ -14,6 +17,7 @@ using h5::Reader;
 constexpr const char* kSchema = "toothprep-trace";
 constexpr int kSchemaVersion = 1;
 constexpr const char* kMeasured = "/force/measured";
+constexpr const char* kApplied = "/force/applied";
 constexpr const char* kRejected = "/reading_rejected";
 constexpr double kMostButtons = 4294967295.0;
 
@@ -36,11 +40,53 @@ void check_schema(const Reader& in, bool required) {
               "this is not a toothprep trace");
   }
   const double version = in.require_number("schema_version");
-  if (version != kSchemaVersion)
+  if (version != kSchemaVersion && version != kSchemaVersionWithEvents)
     in.refuse("attribute schema_version",
               "is " + h5::printable(std::to_string(version)) + ", this toothprep reads " +
-                  std::to_string(kSchemaVersion),
+                  std::to_string(kSchemaVersion) + " and " +
+                  std::to_string(kSchemaVersionWithEvents),
               "use a newer toothprep");
+}
+
+// Those of the rows up to `last`, s.
+SessionEvents read_events(Reader& in, double last) {
+  SessionEvents all;
+  if (in.number("schema_version").value_or(0) != kSchemaVersionWithEvents) return all;
+  std::string burs = in.require_text("event_burs") + '\n';
+  for (std::size_t end = 0; (end = burs.find('\n')) != std::string::npos; burs.erase(0, end + 1))
+    all.burs.push_back(burs.substr(0, end));
+  std::vector<std::vector<double>> columns;
+  for (const EventColumn& c : kEventColumns)
+    columns.push_back(in.read_table(c.dataset, c.unit, c.width));
+  const std::size_t rows =
+      std::min({columns[0].size(), columns[1].size(), columns[2].size() / kEventArguments});
+  if (!in.growing() && columns[0].size() + columns[1].size() != 2 * rows)
+    in.refuse("/events", "its datasets differ in length");
+  for (std::size_t i = 0; i < rows && columns[0][i] <= last; ++i) {
+    SessionEvent& event = all.events.emplace_back();
+    event.time = columns[0][i];
+    if (i > 0 && event.time < columns[0][i - 1])
+      in.refuse("/events/time, row " + std::to_string(i), "time goes back");
+    event.kind = static_cast<EventKind>(
+        in.whole_number("/events/kind", i, columns[1][i], 1, kEventKinds - 1));
+    std::copy_n(columns[2].begin() + static_cast<std::ptrdiff_t>(i * kEventArguments),
+                kEventArguments, event.arguments.begin());
+  }
+  return all;
+}
+
+void write_events(h5::Writer& out, const SessionEvents& all) {
+  out.group("/events");
+  for (std::size_t c = 0; c < std::size(kEventColumns); ++c) {
+    const EventColumn& column = kEventColumns[c];
+    std::vector<double> values;
+    for (const SessionEvent& event : all.events) {
+      double kind = 0;
+      const double* v = event_values(event, c, kind);
+      values.insert(values.end(), v, v + column.width);
+    }
+    out.dataset(column.dataset, column.unit, values, column.width, column.storage);
+  }
 }
 
 bool is_quantity_that_needs_its_unit(const std::string& dataset) {
@@ -48,10 +94,11 @@ bool is_quantity_that_needs_its_unit(const std::string& dataset) {
          dataset.find("/force/") == 0;
 }
 
-std::vector<Vec3> measured_force(Reader& reader) {
+// Empty if the dataset is absent.
+std::vector<Vec3> forces(Reader& reader, const char* dataset) {
   std::vector<Vec3> force;
-  if (!reader.has(kMeasured)) return force;
-  const std::vector<double> values = reader.read(reader.open(kMeasured, "N", 3, true));
+  if (!reader.has(dataset)) return force;
+  const std::vector<double> values = reader.read(reader.open(dataset, "N", 3, true));
   force.reserve(values.size() / 3);
   for (std::size_t i = 0; i < values.size(); i += 3)
     force.emplace_back(values[i], values[i + 1], values[i + 2]);
@@ -61,7 +108,7 @@ std::vector<Vec3> measured_force(Reader& reader) {
 Trajectory parse_trajectory(Reader& in) {
   check_schema(in, false);
   in.cut_to_shortest({"/time", "/handle/position", "/handle/orientation", "/handle/buttons",
-                      kRejected, kMeasured});
+                      kRejected, kMeasured, kApplied});
   const std::vector<double> time = in.read_time();
   if (time.size() < 2) in.refuse("/time", "holds fewer than two samples", "record a motion");
   if (!in.has("/handle/position")) in.refuse("/handle/position", "is missing");
@@ -90,11 +137,20 @@ Trajectory parse_trajectory(Reader& in) {
     for (std::size_t i = 0; i < time.size(); ++i)
       trajectory.samples[i].rejected = in.whole_number(kRejected, i, rejected[i], 0, 1) != 0;
   }
-  trajectory.measured_force = measured_force(in);
+  trajectory.measured_force = forces(in, kMeasured);
+  const std::vector<Vec3> load = forces(in, kApplied);
+  trajectory.loaded = !load.empty();
+  for (std::size_t i = 0; i < load.size(); ++i) trajectory.samples[i].load = load[i];
+  trajectory.events = read_events(in, time.back());
   return trajectory;
 }
 
 }  // namespace
+
+std::string unfinished_text(const std::string& path) {
+  return path +
+         ": was not closed (its program was killed, or still runs), so it ends at its last flush";
+}
 
 Trace parse_trace(Reader& in) {
   check_schema(in, true);
@@ -115,7 +171,7 @@ Trace parse_trace(Reader& in) {
   trace.engine = in.text("engine").value_or("");
   trace.initial_overlap_mm3 = in.number("initial_overlap_mm3").value_or(0.0);
 
-  std::vector<std::string> names = {kMeasured};
+  std::vector<std::string> names = {kMeasured, kApplied};
   for (const TraceColumn& column : trace_columns()) names.emplace_back(column.dataset);
   in.cut_to_shortest(names);
   // Shapes, types and units of all before the rows are allocated.
@@ -149,15 +205,31 @@ Trace parse_trace(Reader& in) {
       column->set(trace.rows[i], row.data());
     }
   }
-  trace.measured_force = measured_force(in);
+  trace.measured_force = forces(in, kMeasured);
+  const std::vector<Vec3> load = forces(in, kApplied);
+  for (std::size_t i = 0; i < load.size(); ++i) trace.rows[i].handle.load = load[i];
+  trace.events = read_events(in, time.back());
   return trace;
+}
+
+const double* event_values(const SessionEvent& event, std::size_t column, double& kind) {
+  kind = static_cast<double>(event.kind);
+  return column == 0 ? &event.time : column == 1 ? &kind : event.arguments.data();
+}
+
+std::string joined(const std::vector<std::string>& lines) {
+  std::string text;
+  for (const std::string& line : lines) text += (text.empty() ? "" : "\n") + line;
+  return text;
 }
 
 std::vector<std::string> tissue_columns() { return {kTissueNames.begin(), kTissueNames.end()}; }
 
 void write_trace_head(h5::Writer& out, const Trace& trace) {
   out.text("schema", kSchema);
-  out.integer("schema_version", kSchemaVersion);
+  const bool changed = !trace.events.events.empty();
+  out.integer("schema_version", changed ? kSchemaVersionWithEvents : kSchemaVersion);
+  if (!trace.events.burs.empty()) out.text("event_burs", joined(trace.events.burs));
   out.text("toothprep_version", trace.toothprep_version);
   out.text("parameters", trace.parameters_toml);
   out.text("tooth_sha256", trace.tooth_sha256);
@@ -191,13 +263,18 @@ void write_trace(const Trace& trace, const std::string& path) {
     out.dataset(column.dataset, column.unit, values, column.width, column.storage,
                 column.per_tissue ? tissues : std::vector<std::string>{});
   }
-  if (!trace.measured_force.empty()) {
+  const auto write_forces = [&](const char* dataset, const auto& force) {
     values.resize(trace.rows.size() * 3);
     for (std::size_t i = 0; i < trace.rows.size(); ++i)
-      Eigen::Map<Vec3>(values.data() + 3 * i, 3) = trace.measured_force[i];
-    check_finite(values, kMeasured, 3);
-    out.dataset(kMeasured, "N", values, 3, Storage::kDouble);
-  }
+      Eigen::Map<Vec3>(values.data() + 3 * i, 3) = force(i);
+    check_finite(values, dataset, 3);
+    out.dataset(dataset, "N", values, 3, Storage::kDouble);
+  };
+  if (!trace.measured_force.empty())
+    write_forces(kMeasured, [&](std::size_t i) { return trace.measured_force[i]; });
+  if (trace.drive == name_of(Drive::kLoad))
+    write_forces(kApplied, [&](std::size_t i) { return trace.rows[i].handle.load; });
+  if (!trace.events.events.empty()) write_events(out, trace.events);
   out.close();
 }
 

@@ -21,6 +21,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/tools/io/process_name.h"
 
 namespace toothprep {
 namespace fs = std::filesystem;
@@ -125,22 +126,13 @@ const Host& host() {
 }
 
 bool is_stale(const std::string& name) {
-  std::array<char, 9> machine{}, boot{};
-  long pid = 0;
-  unsigned long long start = 0;
-  if (name.rfind(kPrefix, 0) != 0 ||
-      std::sscanf(name.c_str() + std::strlen(kPrefix), "%8[0-9a-f]-%8[0-9a-f]-%ld-%llu-",
-                  machine.data(), boot.data(), &pid, &start) != 4)
-    return false;
-  if (host().machine != machine.data()) return false;
-  return host().boot != boot.data() || start_of(pid) != start;
+  return name.rfind(kPrefix, 0) == 0 &&
+         process_state(name.substr(std::strlen(kPrefix))) == ProcessState::kEnded;
 }
 
 std::string new_name(const std::string& extension) {
   static std::atomic<unsigned> serial{0};
-  return kPrefix + host().machine + '-' + host().boot + '-' + std::to_string(getpid()) + '-' +
-         std::to_string(start_of(getpid()).value_or(0)) + '-' + std::to_string(++serial) +
-         extension;
+  return kPrefix + process_name() + '-' + std::to_string(++serial) + extension;
 }
 
 // ---- Signals
@@ -204,6 +196,26 @@ PartEntry* registered(std::string path, const std::string& shown) {
 }
 
 }  // namespace
+
+std::string process_name() {
+  return host().machine + '-' + host().boot + '-' + std::to_string(getpid()) + '-' +
+         std::to_string(start_of(getpid()).value_or(0));
+}
+
+// What follows the name is of no matter.
+ProcessState process_state(const std::string& name) {
+  std::array<char, 9> machine{}, boot{};
+  long pid = 0;
+  unsigned long long start = 0;
+  if (std::sscanf(name.c_str(), "%8[0-9a-f]-%8[0-9a-f]-%ld-%llu", machine.data(), boot.data(), &pid,
+                  &start) != 4 ||
+      host().machine != machine.data())
+    return ProcessState::kUnknown;
+  const bool runs = host().boot == boot.data() && start_of(pid) == start;
+  return runs ? ProcessState::kRuns : ProcessState::kEnded;
+}
+
+void forget_parts() { newest.store(nullptr); }
 
 Part::Part(const fs::path& folder, const std::string& extension, const std::string& shown,
            bool is_folder)

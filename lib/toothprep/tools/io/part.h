@@ -35,6 +35,9 @@ bool is_own_part(const std::string& name);
 // Removes the parts in `folder` whose process no longer runs on this machine.
 void remove_stale_parts(const std::filesystem::path& folder);
 
+// In a forked child that goes on as a program of its own: the parts are its parent's.
+void forget_parts();
+
 // `text` with the parts of this process called by the names that the user gave.
 std::string with_shown_names(std::string text);
 

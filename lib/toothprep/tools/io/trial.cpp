@@ -31,7 +31,7 @@ bool in_trial = false;  // of a child
 std::size_t memory_at_start = 0;  // bytes of address space that a child began with
 
 void limit_memory(std::size_t more) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(TOOTHPREP_SANITIZED)
   return;  // the sanitizer's own address space is beyond any limit
 #endif
   rlimit address_space{};

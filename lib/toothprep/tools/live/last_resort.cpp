@@ -7,10 +7,10 @@
 namespace toothprep {
 namespace {
 
-std::atomic<HapticDevice*> held = nullptr;
+std::atomic<HapticDevice*> last_device = nullptr;
 
 void on_signal(int signal) {
-  if (HapticDevice* const device = held.exchange(nullptr)) {
+  if (HapticDevice* const device = last_device.exchange(nullptr)) {
     device->zero_force_soon();
     timespec left{0, static_cast<long>(1e9 * kLastTick)};
     while (nanosleep(&left, &left) != 0) {
@@ -22,7 +22,7 @@ void on_signal(int signal) {
 }  // namespace
 
 LastResort::LastResort(HapticDevice& device) noexcept {
-  held = &device;
+  last_device = &device;
   struct sigaction action = {};
   action.sa_handler = on_signal;
   action.sa_flags = static_cast<int>(SA_RESETHAND | SA_NODEFER);
@@ -31,7 +31,7 @@ LastResort::LastResort(HapticDevice& device) noexcept {
 
 LastResort::~LastResort() {
   for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
-  held = nullptr;
+  last_device = nullptr;
 }
 
 }  // namespace toothprep

@@ -13,6 +13,13 @@
 // a pedal, after the bur was clear of the tooth for kClearBefore. A stylus that nobody holds, by the
 // device's safety switch, gets no force and its bur doesn't turn; after that the motor starts as
 // at the beginning.
+//
+// A pause ends an interval of the session (core/session_event.h): the motor stops, the force is
+// ramped out, then the session is finished and the tick touches neither it nor its workpiece until
+// it is resumed with another one. Whatever takes time is done in between, on another thread:
+//
+//   main thread   post(pause) ... paused()   undo, another bur, the next session   post(resume)
+//   servo thread        ramps out, finishes │ zero force, rows without a step     │ steps it
 #pragma once
 
 #include <array>
@@ -44,6 +51,16 @@ struct LiveButtons {
   bool safety_switch = true;  // heeded, where the device has one
 };
 
+// What is done to the session at the boundary of a tick; its row records it.
+struct LiveCommand {
+  EventKind kind = EventKind::kNone;                // what is done
+  std::array<double, kEventArguments> arguments{};  // as recorded; of a registration: filled in
+  Session* session = nullptr;                       // resume: steps it from now on
+  PerTissue<double> removed{};                      // undo, resume: mm³, of the intervals before
+  Vec3 shift = Vec3::Zero();     // registration: mm, W, of the handle against the hand
+  Quat turn = Quat::Identity();  // registration: of it in W, about where the handle is
+};
+
 constexpr double kClearBefore = 0.5;  // s, of the bur before its motor starts without a pedal
 
 class LiveLoop final : public ServoClient {  // what the device calls in a session
@@ -62,6 +79,14 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
 
   Vec3 tick(const DeviceReading& reading) override;
 
+  // From one thread: the command acts at the next tick; false if the one before hasn't yet. Only
+  // `pause` and `end` while the session runs, all others while it is paused.
+  bool post(const LiveCommand& command) noexcept;
+  bool posted() const noexcept { return posted_.load(std::memory_order_acquire); }  // and waits
+  // The session was finished: it, and its workpiece, are the caller's until `resume` is posted.
+  bool paused() const noexcept { return phase_.load(std::memory_order_acquire) == Phase::kPaused; }
+  [[nodiscard]] Pose paused_handle() const noexcept;  // W, while it is
+
   // Ramps the force out (or in again), from any thread; status().faded says when it is zero.
   void fade_out(bool wanted) noexcept { fade_wanted_.store(wanted, std::memory_order_relaxed); }
 
@@ -71,13 +96,19 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
   LiveStatus status() const noexcept { return status_.read(); }  // from any thread
 
  private:
-  enum class Phase { kWaiting, kBeginning, kRunning };
+  enum class Phase { kWaiting, kBeginning, kRunning, kPaused };
 
   bool let_go(const DevicePose& hand) const noexcept;
   void wait(const DeviceReading& reading, ReadingFault fault) noexcept;
   void step(const DeviceReading& reading, ReadingFault fault, LiveTick& out) noexcept;
   std::uint32_t motor_buttons(std::uint32_t pressed, LiveTick& out) noexcept;
+  bool obey(ReadingFault fault, LiveTick& out) noexcept;
+  void stand(const DeviceReading& reading, ReadingFault fault, LiveTick& out) noexcept;
+  HandleSample next_handle(const DeviceReading& reading, ReadingFault fault,
+                           LiveTick& out) noexcept;
+  void complete(StepRecord& row) noexcept;
   void hand_on(const LiveTick& tick) noexcept;
+  void store_pose(const Pose& pose) noexcept;
 
   LiveButtons buttons_;
   TickSink* sink_;
@@ -86,7 +117,9 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
   std::atomic<Phase> phase_ = Phase::kWaiting;
   std::atomic<bool> fade_wanted_ = false;
   std::atomic<bool> has_pose_ = false;
-  std::array<std::atomic<double>, 7> pose_{};  // while it waits: x, y, z, qx, qy, qz, qw
+  std::array<std::atomic<double>, 7> pose_{};  // x, y, z, qx, qy, qz, qw; see store_pose()
+  std::atomic<bool> posted_ = false;
+  LiveCommand command_;  // the servo's while posted_
 
   // Set by begin(), then the servo thread's own.
   Session* session_ = nullptr;
@@ -99,6 +132,9 @@ class LiveLoop final : public ServoClient {  // what the device calls in a sessi
   double clear_ = 0;       // s that the bur has been clear of the tooth
   LiveTick last_;          // handed on a tick later, since the session's end completes it
   bool any_ = false;
+  bool pausing_ = false;         // until the force is gone
+  PerTissue<double> removed_{};  // mm³, before the session that it steps
+  Pose stands_;                  // of the bur in a pause
 
   StatusBoard status_;
 };

@@ -114,9 +114,11 @@ class Watcher {
   Watcher(HapticDevice& device, const LiveWatch& watch) : device_(device), watch_(watch) {}
 
   bool asked(LiveEnd& end) const {
-    if (!watch_.stop_asked || !watch_.stop_asked()) return false;
-    end.reason = "asked to stop";
-    return true;
+    if (watch_.stop_asked && watch_.stop_asked())
+      end.reason = "asked to stop";
+    else if (watch_.attend)
+      end.reason = watch_.attend();
+    return !end.reason.empty();
   }
 
   bool device_failed(LiveEnd& end) const {

@@ -20,6 +20,8 @@ struct LiveWatch {             // of the main thread while the servo runs
   bool real_time = false;
   std::function<void(const std::string&)> report_scheduling;  // a sentence
   std::function<bool()> stop_asked;  // looked at every few ms: a signal, a key
+  // Called every few ms, for whoever controls the session; the reason to end it, else empty.
+  std::function<std::string()> attend;
   // The same for a pause of the whole program (Ctrl-Z): the force is ramped out, then the program
   // stops itself (SIGSTOP); the force is ramped in once it goes on. May be empty.
   std::function<bool()> pause_asked;

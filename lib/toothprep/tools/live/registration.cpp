@@ -69,6 +69,16 @@ Vec3 HandleFrame::to_device(const Vec3& world) const noexcept {
   return rotation_.conjugate() * (world - translation_);
 }
 
+void HandleFrame::move(const Vec3& shift, const Quat& turn, const Vec3& about) noexcept {
+  const auto moved = [&](const Vec3& x) -> Vec3 { return turn * (x - about) + about + shift; };
+  translation_ = moved(translation_);
+  rotation_ = (turn * rotation_).normalized();
+  // T C R = (T C T^-1) (T R); the very identity stays so.
+  if (since_held_.w() != 1) since_held_ = (turn * since_held_ * turn.conjugate()).normalized();
+  held_at_.position = moved(held_at_.position);
+  if (!fixed_) held_at_.orientation = (turn * held_at_.orientation).normalized();
+}
+
 void HandleFrame::hold(const Vec3& device_position, const Quat& device_orientation) noexcept {
   if (held_) return;
   held_at_ = to_world(device_position, device_orientation);

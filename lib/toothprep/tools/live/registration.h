@@ -43,6 +43,10 @@ class HandleFrame {
   void hold(const Vec3& device_position, const Quat& device_orientation) noexcept;
   void release(const Vec3& device_position, const Quat& device_orientation) noexcept;
 
+  // From now on the handle is turned by `turn` about the place `about`, then shifted (mm; all W)
+  // against where it would be: the tooth moves the other way.
+  void move(const Vec3& shift, const Quat& turn, const Vec3& about) noexcept;
+
   Pose device_to_world() const noexcept { return {translation_, rotation_}; }  // x_W = t + R x_D
 
  private:

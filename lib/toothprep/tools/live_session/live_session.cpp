@@ -5,19 +5,20 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/grinding/contact.h"
+#include "toothprep/tools/live_session/controller.h"
 #include "toothprep/tools/live_session/device_header.h"
+#include "toothprep/tools/live_session/start_rule.h"
 #include "toothprep/tools/live_session/tick_sinks.h"
 
 namespace toothprep {
 namespace {
 
-constexpr double kAbove = 3;  // mm over the tooth, where the bur starts if nothing says where
-constexpr double kHeadElementSize = 0.2;  // mm
-constexpr double kNear = 5;               // mm
-constexpr double kNearWithin = 5;         // s
+constexpr double kAbove = 3;       // mm over the tooth, where the bur starts if nothing says where
+constexpr double kNear = 5;        // mm
+constexpr double kNearWithin = 5;  // s
 
 void check_rate(const HapticDevice& device, double time_step) {
   if (std::abs(device.limits().rate * time_step - 1) > 1e-6)
@@ -26,35 +27,6 @@ void check_rate(const HapticDevice& device, double time_step) {
                     "--rate-hz or --time-step-s",
                     device.limits().rate, time_step));
 }
-
-// No session starts with the bur in tissue: what lies inside it would be gone at once.
-class StartRule {
- public:
-  StartRule(const Bur& bur, const Workpiece& workpiece, bool laid,
-            const std::function<void(const std::string&)>& note)
-      : head_(bur.elements(kHeadElementSize)), workpiece_(workpiece), laid_(laid), note_(note) {}
-
-  bool may_start(const Pose& pose) {
-    if (area_in_tissue(head_, workpiece_, pose) == 0) return true;
-    if (laid_)
-      throw Error(
-          fmt::format("the start, {:.2f} {:.2f} {:.2f} mm, puts the bur into the tooth; "
-                      "give a start that is clear of it (--start-mm)",
-                      pose.position.x(), pose.position.y(), pose.position.z()));
-    if (!noted_ && note_)
-      note_(
-          "the bur is in the tooth: move the hand until it is clear; there is no force, and the "
-          "session begins then");
-    noted_ = true;
-    return false;
-  }
-
- private:
-  SurfaceElements head_;
-  const Workpiece& workpiece_;
-  bool laid_, noted_ = false;
-  std::function<void(const std::string&)> note_;
-};
 
 // With a note if the hand doesn't come near the tooth: then the registration is wrong.
 LiveWatch with_nearness_watched(LiveWatch watch, const Box& tooth) {
@@ -90,10 +62,12 @@ class Looking {
   Onlooker* onlooker_;
 };
 
-EnergyAudit audit_of(const SessionTotals& t, const Parameters& parameters) {
-  EnergyAudit audit{t.torque_work, 0, std::numeric_limits<double>::quiet_NaN()};
+// `ground`: removed in all intervals, mm³.
+EnergyAudit audit_of(double torque_work, const PerTissue<double>& ground,
+                     const Parameters& parameters) {
+  EnergyAudit audit{torque_work, 0, std::numeric_limits<double>::quiet_NaN()};
   for (int k = 0; k < kTissueCount; ++k)
-    audit.removed_energy_mj += parameters.tissue[k].specific_energy * t.removed[k];
+    audit.removed_energy_mj += parameters.tissue[k].specific_energy * ground[k];
   if (audit.removed_energy_mj > 0)
     audit.energy_ratio = audit.torque_work_mj / audit.removed_energy_mj;
   return audit;
@@ -126,6 +100,7 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
   header.trace.engine = name_of(settings.parameters.engine);
   describe_device(device, settings.limits, settings.readings, settings.buttons.safety_switch,
                   settings.watch, header);
+  for (const NamedBur& named : settings.burs) header.trace.events.burs.push_back(named.text);
   header.laid_at_start = !settings.registration.translation;
   header.registration =
       HandleFrame(settings.registration, Vec3::Zero(), settings.start).device_to_world();
@@ -142,34 +117,36 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
   Onlooker* const onlooker = display ? settings.onlooker : nullptr;
   TickSinks sinks(recorder, display.get(), onlooker);
   LiveLoop loop(settings.limits, settings.buttons, &sinks, settings.readings);
-  std::unique_ptr<Session> session;
+  Controller controller(settings.control, loop, workpiece, settings.parameters, settings.drive,
+                        settings.burs, display.get(), settings.watch.note);
+  bool began = false;
   std::optional<Vec3> laid;
   if (!settings.registration.translation) laid = settings.start;
   StartRule starts(bur, workpiece, laid.has_value(), settings.watch.note);
   if (display) display->start();
   const Looking looking(onlooker, display.get());
+  LiveWatch watch = settings.watch;
+  if (settings.control) watch.attend = [&controller] { return controller.attend(); };
   LiveEnd end = run_live(
       device, loop, settings.registration, laid, settings.parameters.time_step,
       [&](const Pose& pose) -> Session* {
         if (!starts.may_start(pose)) return nullptr;
-        HandleSample first;
-        first.pose = pose;
-        session =
-            std::make_unique<Session>(bur, workpiece, settings.parameters, settings.drive, first);
-        return session.get();
+        began = true;
+        return &controller.begin(bur, pose);
       },
-      with_recorder_watched(with_nearness_watched(settings.watch, bounds_of_solid(tooth)), recorder,
-                            settings.warn));
+      with_recorder_watched(with_nearness_watched(std::move(watch), bounds_of_solid(tooth)),
+                            recorder, settings.warn));
 
   LiveOutcome outcome;
   EnergyAudit audit;
   audit.energy_ratio = std::numeric_limits<double>::quiet_NaN();
-  if (session) {
-    const SessionTotals& t = session->totals();
-    audit = audit_of(t, settings.parameters);
+  if (began) {
+    const SessionTotals t = controller.intervals().totals();
+    const PerTissue<double> ground = controller.intervals().ground();
+    audit = audit_of(t.torque_work, ground, settings.parameters);
     outcome.totals = t;
     outcome.audit =
-        judge_audit(t.torque_work, audit.removed_energy_mj, t.removed, settings.parameters);
+        judge_audit(t.torque_work, audit.removed_energy_mj, ground, settings.parameters);
     outcome.findings = judge_run(judge_parameters(settings.parameters), outcome.audit,
                                  t.peak_device_force, t.largest_lag, settings.drive);
   }

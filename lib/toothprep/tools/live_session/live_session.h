@@ -20,6 +20,7 @@
 namespace toothprep {
 
 class DisplaySurface;
+class SessionControl;
 
 // Looks on while a session runs: a viewer.
 class Onlooker {
@@ -28,6 +29,12 @@ class Onlooker {
   virtual void begin(const DisplaySurface& display) = 0;  // before the servo runs
   virtual void take(const LiveTick& tick) noexcept = 0;   // every tick, on the servo's thread
   virtual void end() noexcept = 0;                        // after which the display is gone
+};
+
+// One of those that a session can change to.
+struct NamedBur {
+  std::string text;  // as --bur takes it
+  Bur bur;           // that it names
 };
 
 struct LiveSettings {             // what the options of `toothprep live` say
@@ -40,7 +47,11 @@ struct LiveSettings {             // what the options of `toothprep live` say
   ReadingLimits readings;         // what a true reading of the hand can be
   double display_hz = 0;          // of a surface for a display; 0: none
   Onlooker* onlooker = nullptr;   // with a display; must outlive the session
-  LiveWatch watch;                // ends the session
+  // Of a session that is controlled from outside, else nullptr; must outlive it. `burs`: what it can
+  // change to, the first is the session's own.
+  SessionControl* control = nullptr;
+  std::vector<NamedBur> burs;                    // or none
+  LiveWatch watch;                               // ends the session
   std::function<void(const std::string&)> warn;  // of a recording that stops early; may be empty
 };
 

@@ -19,7 +19,7 @@ class TickSinks final : public TickSink {
   void take(const LiveTick& tick) noexcept override {
     statistics.add(tick);
     recorder_.push(tick);
-    if (display_) display_->tick();
+    if (display_ && !(tick.flags & kPaused)) display_->tick();  // else the main thread does
     if (onlooker_) onlooker_->take(tick);
   }
   TickStatistics statistics;

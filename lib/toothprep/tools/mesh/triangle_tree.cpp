@@ -225,6 +225,8 @@ RTCRay TriangleTree::Work::ray(const Vec3& origin, const Vec3& direction, double
 
 bool TriangleTree::Work::clip(const Vec3& origin, const Vec3& direction, double& from,
                               double& to) const {
+  if (from == 0 && to <= radius && origin.squaredNorm() <= radius * radius)
+    return true;  // short, and begins within
   const double r = 1.001 * radius + 1e-6;
   const double towards = -origin.dot(direction);
   const double aside2 = (origin + towards * direction).squaredNorm();

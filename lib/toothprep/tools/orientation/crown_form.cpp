@@ -6,6 +6,7 @@
 #include <functional>
 #include <numeric>
 
+#include "toothprep/step/core/gaussian_mean.h"
 #include "toothprep/step/core/units.h"
 
 namespace toothprep {
@@ -59,28 +60,6 @@ Heights heights_along(const LabelBlock& block, const Vec3& d) {
     h = std::max(h, c.z());
   }
   return map;
-}
-
-// The mean over a Gaussian of what is there, at every place that has a height.
-void smooth(Heights& map, double sigma) {
-  const int reach = std::max(1, static_cast<int>(std::ceil(2.5 * sigma / map.step)));
-  std::vector<double> result = map.h;
-  for (int y = 0; y < map.ny; ++y)
-    for (int x = 0; x < map.nx; ++x) {
-      if (map.h[map.at(x, y)] == kNone) continue;
-      double sum = 0, weights = 0;
-      for (int j = std::max(0, y - reach); j <= std::min(map.ny - 1, y + reach); ++j)
-        for (int i = std::max(0, x - reach); i <= std::min(map.nx - 1, x + reach); ++i) {
-          const double h = map.h[map.at(i, j)];
-          if (h == kNone) continue;
-          const double off2 = ((i - x) * (i - x) + (j - y) * (j - y)) * map.step * map.step;
-          const double w = std::exp(-off2 / (2 * sigma * sigma));
-          sum += w * h;
-          weights += w;
-        }
-      result[map.at(x, y)] = sum / weights;
-    }
-  map.h = std::move(result);
 }
 
 struct Peak {
@@ -220,7 +199,7 @@ Crown describe_crown(const LabelBlock& block, const Vec3& d, std::optional<doubl
   const Outline outline = outline_of(map, kNone / 2);
   crown.width = std::sqrt(outline.area);
   crown.elongation = outline.elongation;
-  smooth(map, kSmoothing * crown.width);
+  map.h = gaussian_mean(map.h, map.nx, map.ny, map.step, kSmoothing * crown.width, kNone);
   top = *std::max_element(map.h.begin(), map.h.end());
   std::vector<Peak> tips;
   for (const Peak& peak : find_peaks(map, map.h, false))

@@ -108,7 +108,8 @@ ToothFrame estimate_frame(const LayeredTooth& tooth, const KnownAxes& known) {
       frame.cervical ? std::optional(frame.cervical->point.dot(d)) : std::optional<double>();
   const Crown crown = describe_crown(block, d, neck);
   frame.cusps = crown.cusps;
-  frame.fossa = crown.fossa;
+  frame.fossa = known.fossa ? known.fossa : crown.fossa;
+  frame.fossa_picked = known.fossa.has_value();
   frame.form = crown.form;
   check_form(frame);
   return frame;
@@ -122,8 +123,21 @@ KnownAxes known_axes(const ToothFrame& recorded) {
   known.occlusal = keep(recorded.occlusal);
   known.mesial = keep(recorded.mesial);
   known.buccal = keep(recorded.buccal);
+  if (recorded.fossa_picked) known.fossa = recorded.fossa;
   known.tooth_number = recorded.tooth_number;
   return known;
+}
+
+KnownAxes both(const KnownAxes& first, KnownAxes second) {
+  const auto take = [](const FrameAxis& from, FrameAxis& axis) {
+    if (from.known()) axis = from;
+  };
+  take(first.occlusal, second.occlusal);
+  take(first.mesial, second.mesial);
+  take(first.buccal, second.buccal);
+  if (first.fossa) second.fossa = first.fossa;
+  if (first.tooth_number) second.tooth_number = first.tooth_number;
+  return second;
 }
 
 }  // namespace toothprep

@@ -10,6 +10,7 @@ namespace toothprep {
 // What a person says. Directions in W, any length; sources are kGiven, kLandmarks or kRecorded.
 struct KnownAxes {
   FrameAxis occlusal, mesial, buccal;  // those that are not known are estimated, or stay so
+  std::optional<Vec3> fossa;           // mm, W: the central fossa; else as the form shows it
   std::optional<int> tooth_number;     // FDI: 11-18 ... 41-48, 51-55 ... 81-85
 };
 
@@ -22,5 +23,8 @@ struct KnownAxes {
 
 // What a recorded frame holds that was not estimated: to be kept when the tooth is looked at again.
 [[nodiscard]] KnownAxes known_axes(const ToothFrame& recorded);
+
+// What is known of either; `first` counts where both know it.
+[[nodiscard]] KnownAxes both(const KnownAxes& first, KnownAxes second);
 
 }  // namespace toothprep

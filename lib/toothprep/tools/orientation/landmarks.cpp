@@ -80,14 +80,15 @@ KnownAxes parse_landmarks(const std::string& toml, const std::string& where) {
   }
   known.mesial = side(table, "mesial_mm", "distal_mm", middle, uncertainty);
   known.buccal = side(table, "buccal_mm", "lingual_mm", middle, uncertainty);
+  known.fossa = table.vector("fossa_mm");
   if (const auto number = table.integer("tooth_number")) {
     if (*number < 11 || *number > 85) table.refuse("tooth_number", "must be a tooth number of FDI");
     known.tooth_number = static_cast<int>(*number);
   }
   table.done();
-  if (!known.occlusal.known() && !known.mesial.known() && !known.buccal.known() &&
+  if (!known.occlusal.known() && !known.mesial.known() && !known.buccal.known() && !known.fossa &&
       !known.tooth_number)
-    throw InputError(where, "", "gives no direction",
+    throw InputError(where, "", "gives neither a direction nor a fossa",
                      "add occlusal_mm and apical_mm, or mesial_mm and distal_mm");
   return known;
 }

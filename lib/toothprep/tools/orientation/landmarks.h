@@ -7,6 +7,7 @@
 //   mesial_mm, distal_mm = [x, y, z]     of the two sides one place each, or of one side a place and
 //   buccal_mm, lingual_mm = [x, y, z]    `middle_mm` (any place on the tooth's axis)
 //   middle_mm = [x, y, z]
+//   fossa_mm = [x, y, z]             the deepest place of the central fossa
 //   uncertainty_mm = 0.3             of each place (95 %); default 0.3
 //   tooth_number = 36                FDI
 //
@@ -20,7 +21,8 @@
 namespace toothprep {
 
 // Throws InputError (file, key, condition) for what is not such a file: unknown keys, places that
-// coincide or lie on a line, a side without its opposite or a middle, no direction at all.
+// coincide or lie on a line, a side without its opposite or a middle, neither a direction nor
+// a fossa.
 [[nodiscard]] KnownAxes read_landmarks(const std::string& path);
 [[nodiscard]] KnownAxes parse_landmarks(const std::string& toml, const std::string& where);
 

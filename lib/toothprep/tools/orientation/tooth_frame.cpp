@@ -128,6 +128,9 @@ ToothFrame recorded_frame(const Texts& texts) {
       std::abs(frame.mesial.direction.dot(frame.buccal.direction)) > 0.94)
     throw Error("the mesial and the buccal direction are parallel");
   frame.fossa = vector_of(texts, "frame_fossa_mm");
+  const auto fossa_source = texts.find("frame_fossa_source");
+  frame.fossa_picked =
+      fossa_source != texts.end() && fossa_source->second == name_of(AxisSource::kLandmarks);
   frame.cusps = vectors_of(texts, "frame_cusps_mm");
   frame.cervical = plane_of(texts, "frame_cervical");
   frame.occlusal_plane = plane_of(texts, "frame_occlusal_plane");
@@ -160,6 +163,7 @@ void record_frame(const ToothFrame& frame, Texts& texts) {
     texts[key + "_normal"] = rounded_text(p->normal);
   };
   if (frame.fossa) texts["frame_fossa_mm"] = rounded_text(*frame.fossa);
+  if (frame.fossa_picked) texts["frame_fossa_source"] = name_of(AxisSource::kLandmarks);
   std::string cusps;
   for (const Vec3& tip : frame.cusps) cusps += (cusps.empty() ? "" : "; ") + rounded_text(tip);
   if (!cusps.empty()) texts["frame_cusps_mm"] = cusps;

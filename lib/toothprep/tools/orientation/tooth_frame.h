@@ -48,6 +48,7 @@ struct ToothFrame {                          // what is known of a tooth's direc
   FrameAxis mesial, buccal;                  // across `occlusal`
   FrameAxis long_axis;                       // of crown and roots together, to the occlusal side
   std::optional<Vec3> fossa;                 // mm, W: the deepest place of the central fossa
+  bool fossa_picked = false;                 // by a person, not found from the form
   std::vector<Vec3> cusps;                   // mm, W: the tips, highest first
   std::optional<FramePlane> cervical;        // plane of the enamel's lower border
   std::vector<Vec3> cervical_line;           // mm, W: places on it, around; not kept in files

@@ -138,9 +138,18 @@ void find_sides(PreparationFrame& frame, const ToothFrame& tooth, const CutFacet
       frame.u = frame.v.cross(frame.d);
     }
   }
-  notes.push_back(
-      "which side is mesial and which buccal isn't known, so walls are named u_plus, u_minus "
-      "(along the form), v_plus, v_minus; give --mesial and --buccal X,Y,Z to name them");
+  if (mesial)
+    notes.push_back(
+        "which side is buccal isn't known, so walls are named u_plus (mesial), u_minus (distal), "
+        "v_plus, v_minus; give --buccal X,Y,Z, or the tooth's number to toothprep orient");
+  else if (buccal)
+    notes.push_back(
+        "which side is mesial isn't known, so walls are named u_plus, u_minus, v_plus (buccal), "
+        "v_minus (lingual); give --mesial X,Y,Z, or the tooth's number to toothprep orient");
+  else
+    notes.push_back(
+        "which side is mesial and which buccal isn't known, so walls are named u_plus, u_minus "
+        "(along the form), v_plus, v_minus; give --mesial and --buccal X,Y,Z to name them");
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/statistics.h"
 #include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/recordings/device_log.h"
 #include "toothprep/tools/recordings/raw_motion.h"
 #include "toothprep/tools/trajectory/smoothing.h"
 
@@ -266,7 +267,9 @@ ImportedRecording import_recording(const std::string& path, const ImportSettings
   ImportedRecording r;
   RawMotion motion;
   if (!is_hdf5(path)) {
-    motion = from_table(read_text_table(path), settings, path, r);
+    motion = from_table(
+        is_binary_device_log(path) ? read_binary_device_log(path) : read_text_table(path), settings,
+        path, r);
   } else if (holds_trajectory(path)) {
     motion = from_own(path, r);
   } else {

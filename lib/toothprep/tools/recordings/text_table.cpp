@@ -10,6 +10,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/input_file.h"
 #include "toothprep/tools/io/memory_limit.h"
+#include "toothprep/tools/recordings/device_log.h"
 #include "toothprep/tools/recordings/recorded_table.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
@@ -248,29 +249,6 @@ struct Head {
   std::vector<std::string> names;
 };
 
-// HAPI's logs name vectors by one word ("TIME POSITION ORIENTATION"); a word for each number.
-std::optional<std::vector<std::string>> words_of_device_log(const Fields& header) {
-  std::vector<std::string> names;
-  bool any = false;
-  for (const std::string_view field : header) {
-    std::string_view word = field;
-    if (word.starts_with("RAW_")) word.remove_prefix(4);
-    std::vector<std::string_view> parts;
-    if (word == "POSITION" || word == "VELOCITY" || word == "FORCE" || word == "TORQUE")
-      parts = {"_X", "_Y", "_Z"};
-    else if (word == "ORIENTATION")
-      parts = {"_AXIS_X", "_AXIS_Y", "_AXIS_Z", "_ANGLE"};
-    else if (word == "TIME" || word == "BUTTONS" || word == "TIMESTAMP")
-      parts = {""};
-    else
-      return {};
-    any = any || parts.size() > 1;
-    for (const std::string_view part : parts)
-      names.push_back(std::string(field) + std::string(part));
-  }
-  return any ? std::optional(names) : std::nullopt;
-}
-
 // The header's names for `width` columns; numbers where there is no header.
 std::vector<std::string> names_above(const std::vector<Line>& lines, std::size_t first_row,
                                      std::size_t width, const Form& form, RecordedTable& table) {
@@ -280,11 +258,8 @@ std::vector<std::string> names_above(const std::vector<Line>& lines, std::size_t
   for (std::size_t i = first_row; i-- > 0 && names.empty();) {
     split(lines[i].text, form.separator, fields);
     if (!is_text(fields, form.decimal_comma)) continue;
-    if (const auto log = words_of_device_log(fields); log && log->size() == width) {
-      table.kind = "device log of H3D or HAPI";
-      table.conventions.mm_per_unit = 1000;
-      table.conventions.second_per_unit = 1;
-      table.notes.push_back("positions in metres, as HAPI logs them");
+    if (const auto log = device_log_names(fields); log && log->size() == width) {
+      set_device_log_conventions(table);
       return *log;
     }
     if (fields.size() != width) continue;

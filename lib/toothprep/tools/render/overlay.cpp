@@ -47,19 +47,21 @@ const Glyph& glyph_of(char symbol) {
   return found != std::end(kGlyphs) ? *found : *(std::end(kGlyphs) - 1);
 }
 
-constexpr int kInk = 45;  // of 255
+using Ink = std::array<int, 3>;  // sRGB, 0 to 255
+constexpr Ink kInk = {45, 45, 45};
 
-void blend(Picture& picture, int x, int y, double alpha) {
+void blend(Picture& picture, int x, int y, double alpha, const Ink& ink) {
   if (x < 0 || y < 0 || x >= picture.width || y >= picture.height || alpha <= 0) return;
   const std::size_t p = 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) +
                              static_cast<std::size_t>(x));
-  for (std::size_t k = p; k < p + 3; ++k)
-    picture.rgb[k] =
-        static_cast<std::uint8_t>(std::lround((1 - alpha) * picture.rgb[k] + alpha * kInk));
+  for (std::size_t k = 0; k < 3; ++k)
+    picture.rgb[p + k] =
+        static_cast<std::uint8_t>(std::lround((1 - alpha) * picture.rgb[p + k] + alpha * ink[k]));
 }
 
 // A stroke with round ends: a pixel is covered as far as its centre lies within.
-void draw_stroke(Picture& picture, const Point& a, const Point& b, double width) {
+void draw_stroke(Picture& picture, const Point& a, const Point& b, double width,
+                 const Ink& ink = kInk) {
   const double reach = 0.5 * width + 1;
   const Point low = a.cwiseMin(b).array() - reach, high = a.cwiseMax(b).array() + reach;
   const Point along = b - a;
@@ -69,7 +71,7 @@ void draw_stroke(Picture& picture, const Point& a, const Point& b, double width)
       const double length2 = along.squaredNorm();
       const double t = length2 > 0 ? std::clamp((c - a).dot(along) / length2, 0.0, 1.0) : 0.0;
       const double distance = (c - a - t * along).norm();
-      blend(picture, x, y, std::clamp(0.5 * width + 0.5 - distance, 0.0, 1.0));
+      blend(picture, x, y, std::clamp(0.5 * width + 0.5 - distance, 0.0, 1.0), ink);
     }
 }
 
@@ -187,6 +189,17 @@ void draw_arrow(Picture& picture, const Camera& camera, const Vec3& from, const 
 void draw_place(Picture& picture, const Camera& camera, const Vec3& at) {
   const Point p = pixel_of(camera, at);
   draw_stroke(picture, p, p, std::max(3.0, picture.height / 110.0));
+}
+
+void draw_line(Picture& picture, const Camera& camera, const std::vector<Vec3>& places,
+               const std::array<int, 3>& colour) {
+  Point last = Point::Zero();
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const Point p = pixel_of(camera, places[i]);
+    if (i > 0 && (p - last).norm() < 0.5 && i + 1 < places.size()) continue;
+    if (i > 0) draw_stroke(picture, last, p, std::max(1.0, picture.height / 500.0), colour);
+    last = p;
+  }
 }
 
 void draw_triad(Picture& picture, const Camera& camera, const ToothAxes& axes) {

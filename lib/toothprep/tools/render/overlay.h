@@ -2,7 +2,9 @@
 // letters are strokes, so no font is needed.
 #pragma once
 
+#include <array>
 #include <string_view>
+#include <vector>
 
 #include "toothprep/tools/render/image.h"
 
@@ -21,6 +23,10 @@ void draw_arrow(Picture& picture, const Camera& camera, const Vec3& from, const 
                 std::string_view text);
 
 void draw_place(Picture& picture, const Camera& camera, const Vec3& at);  // a dot, `at` in W, mm
+
+// A line through places (mm, W), of a colour (sRGB, 0 to 255).
+void draw_line(Picture& picture, const Camera& camera, const std::vector<Vec3>& places,
+               const std::array<int, 3>& colour);
 
 // The directions that are known, as arrows O, M, B; upper right. Nothing if none is.
 void draw_triad(Picture& picture, const Camera& camera, const ToothAxes& axes);

@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <limits>
@@ -48,6 +49,43 @@ struct Seen {
   bool figure = false;  // the colour is a figure to be read: little shade
 };
 
+// Per corner of each triangle that of the tooth's level set at the vertex; the mesh's where two
+// surfaces stand too close for one.
+std::vector<Eigen::Vector3f> level_normals(const RenderPart& part) {
+  const TriangleMesh& mesh = part.mesh;
+  std::vector<Eigen::Vector3f> at_vertex(mesh.vertices.size());
+  tbb::parallel_for(std::size_t{0}, at_vertex.size(), [&](std::size_t v) {
+    at_vertex[v] = level_normal(*part.tooth, mesh.vertices[v].cast<double>()).cast<float>();
+  });
+  const bool all = std::all_of(at_vertex.begin(), at_vertex.end(),
+                               [](const Eigen::Vector3f& n) { return n.squaredNorm() > 0; });
+  std::vector<Eigen::Vector3f> normals(3 * mesh.triangles.size());
+  if (!all) normals = corner_normals(mesh, part.smoothing);
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    for (std::size_t c = 0; c < 3; ++c)
+      if (const Eigen::Vector3f& n = at_vertex[mesh.triangles[t][c]]; n.squaredNorm() > 0)
+        normals[3 * t + c] = n;
+  return normals;
+}
+
+int rounded_up(int value, int step) { return (value + step - 1) / step * step; }
+
+// Of the rays into the hemisphere above a place those that meet nothing.
+struct Sky {
+  int rays = 0, open = 0;
+  float share() const {
+    return rays > 0 ? static_cast<float>(open) / static_cast<float>(rays) : 1.f;
+  }
+};
+
+// Whether two places are of one surface, so that what lies between them may be left out: nothing
+// at both, or the same tissue, no edge, and no step in depth.
+bool of_one_surface(const Seen& a, const Seen& b, double largest_step) {
+  if (a.depth == kInfinity || b.depth == kInfinity) return a.depth == b.depth;
+  return a.on_cut == b.on_cut && a.tissue == b.tissue && a.normal.dot(b.normal) > 0.99 &&
+         std::abs(a.depth - b.depth) < largest_step;
+}
+
 }  // namespace
 
 struct Renderer::Part {
@@ -58,7 +96,7 @@ struct Renderer::Part {
   explicit Part(RenderPart given)
       : part(std::move(given)),
         tree(part.mesh),
-        normals(corner_normals(part.mesh, part.smoothing)) {
+        normals(part.tooth ? level_normals(part) : corner_normals(part.mesh, part.smoothing)) {
     const std::size_t vertices = part.mesh.vertices.size();
     if (!part.mesh.tissue.empty() && part.mesh.tissue.size() != vertices)
       throw Error("the mesh has " + std::to_string(vertices) + " vertices, but " +
@@ -75,10 +113,6 @@ struct Renderer::Part {
   }
 
   Vec3 shading_normal(const SurfacePoint& at) const {
-    if (part.tooth) {
-      Vec3 n = level_normal(*part.tooth, at.point);
-      if (n.squaredNorm() > 0) return n;
-    }
     Vec3 n = Vec3::Zero();
     for (int k = 0; k < 3; ++k) n += at.weights[k] * normals[3 * at.triangle + k].cast<double>();
     return n.norm() > 1e-6 ? n.normalized() : tree.normal(at.triangle);
@@ -129,6 +163,24 @@ struct Renderer::Part {
 
 // One picture: what all its pixels share.
 struct Renderer::Pass {
+  // A direction over the hemisphere, and a number in [0, 1) for its length.
+  struct SkyRay {
+    double across, aside, up;  // along two axes in the surface, and along its normal
+    double third;
+  };
+
+  static std::vector<SkyRay> sky_rays(int total) {
+    std::vector<SkyRay> rays;
+    rays.reserve(static_cast<std::size_t>(total));
+    for (int i = 0; i < total; ++i) {
+      const double r2 = (i + 0.5) / total, r = std::sqrt(r2);
+      const double angle = 2 * units::kPi * radical_inverse(i, 2);
+      rays.push_back(
+          {r * std::cos(angle), r * std::sin(angle), std::sqrt(1 - r2), radical_inverse(i, 3)});
+    }
+    return rays;
+  }
+
   const std::vector<Part>& parts;
   const Camera& camera;
   const RenderOptions& options;
@@ -136,6 +188,7 @@ struct Renderer::Pass {
   double lift;   // mm: rays start this far above the surface, so as not to meet it
   std::optional<CutPlane> cut;
   Vec3 key, fill, sky, key_u, key_v;
+  std::vector<SkyRay> plain_rays, sample_rays;  // for draw_plain(), for draw_samples()
 
   // The part of a ray behind the cut; `entry`: it begins on the cut, seen from the removed side.
   bool kept(const Vec3& origin, const Vec3& along, double& from, double& to, bool& entry) const {
@@ -205,24 +258,24 @@ struct Renderer::Pass {
     });
   }
 
-  // Of `total` directions over the hemisphere the rays first, first + step, ...: the share that
-  // sees the sky. Directions are cosine-distributed (Hammersley's points), lengths spread so that
-  // an obstacle at distance t counts 1 - (t / reach)^2.
-  float sky_seen(const Seen& seen, int first, int step, int total, double turn) const {
+  // Of the directions over the hemisphere the rays first, first + step, ...: which of them see
+  // the sky. Directions are cosine-distributed (Hammersley's points), lengths spread so that an
+  // obstacle at distance t counts 1 - (t / reach)^2.
+  Sky sky_seen(const Seen& seen, int first, int step, const std::vector<SkyRay>& directions,
+               double turn) const {
     const Vec3 u = seen.normal.unitOrthogonal(), v = seen.normal.cross(u);
     const Vec3 start = seen.point + lift * seen.face;
-    int rays = 0, open = 0;
-    for (int i = first; i < total; i += step) {
-      const double r2 = (i + 0.5) / total;
-      const double angle = 2 * units::kPi * (radical_inverse(i, 2) + turn);
-      const double length = reach * std::sqrt(fraction(radical_inverse(i, 3) + turn));
-      const double r = std::sqrt(r2);
-      const Vec3 along =
-          r * std::cos(angle) * u + r * std::sin(angle) * v + std::sqrt(1 - r2) * seen.normal;
-      ++rays;
-      if (along.dot(seen.face) <= 0 || !blocked(start, along, length)) ++open;
+    const double c = std::cos(2 * units::kPi * turn), s = std::sin(2 * units::kPi * turn);
+    const Vec3 turned_u = c * u + s * v, turned_v = c * v - s * u;
+    Sky found;
+    for (std::size_t i = first; i < directions.size(); i += step) {
+      const SkyRay& ray = directions[i];
+      const double length = reach * std::sqrt(fraction(ray.third + turn));
+      const Vec3 along = ray.across * turned_u + ray.aside * turned_v + ray.up * seen.normal;
+      ++found.rays;
+      if (along.dot(seen.face) <= 0 || !blocked(start, along, length)) ++found.open;
     }
-    return rays > 0 ? static_cast<float>(open) / static_cast<float>(rays) : 1.f;
+    return found;
   }
 
   float key_seen(const Seen& seen, int sample, int total, double turn) const {
@@ -270,8 +323,54 @@ struct Renderer::Pass {
       image.tissue[p] = static_cast<float>(centre.tissue);
       image.deviation[p] = centre.deviation;
     }
+    if (any_ghost || options.samples < 2 || !draw_plain(x, y, centre, image))
+      draw_samples(x, y, any_ghost, image);
+  }
+
+  // A pixel whose centre and corners are of one surface: its corners stand for all of its samples.
+  // A third of the rays to the sky and a quarter of those to the key light are tried first, and the
+  // others where these disagree.
+  bool draw_plain(int x, int y, const Seen& centre, Image& image) const {
+    const int n = options.samples;
+    const double inset = 0.5 / n, largest_step = 3 * camera.mm_per_pixel;
+    std::array<Seen, 4> corners;
+    for (int c = 0; c < 4; ++c) {
+      look(camera.place(x + (c % 2 ? 1 - inset : inset), y + (c / 2 ? 1 - inset : inset)), false,
+           corners[c]);
+      if (!of_one_surface(corners[c], centre, largest_step)) return false;
+    }
+    if (centre.depth == kInfinity) return true;
+    const double turn = pixel_noise(x, y);
+    std::array<Sky, 4> above;
+    std::array<float, 4> lit{};
+    bool open = true, even = true;
+    for (int c = 0; c < 4; ++c) {
+      above[c] = sky_seen(corners[c], c, 12, plain_rays, turn);
+      lit[c] = key_seen(corners[c], c, 4, turn);
+      open = open && above[c].open == above[c].rays;
+      even = even && lit[c] == lit[0];
+    }
+    Colour sum = Colour::Zero();
+    for (int c = 0; c < 4; ++c) {
+      for (int third = 4; !open && third < 12; third += 4) {
+        const Sky more = sky_seen(corners[c], c + third, 12, plain_rays, turn);
+        above[c].rays += more.rays, above[c].open += more.open;
+      }
+      if (!even) {
+        lit[c] = 0;
+        for (int s = c; s < 16; s += 4) lit[c] += key_seen(corners[c], s, 16, turn) / 4;
+      }
+      sum += shade(corners[c], above[c].share(), lit[c]);
+    }
+    const std::size_t p = image.pixel(x, y);
+    for (int k = 0; k < 3; ++k) image.rgba[4 * p + k] = sum[k] / 4;
+    image.rgba[4 * p + 3] = 1;
+    return true;
+  }
+
+  void draw_samples(int x, int y, bool any_ghost, Image& image) const {
+    const std::size_t p = image.pixel(x, y);
     const int n = options.samples, total = n * n;
-    const int rays = std::max(1, (options.ambient_rays + total - 1) / total) * total;
     const double turn = pixel_noise(x, y);
     Eigen::Array4f sum = Eigen::Array4f::Zero();
     for (int s = 0; s < total; ++s) {
@@ -281,7 +380,8 @@ struct Renderer::Pass {
       Colour colour = Colour::Zero();
       float alpha = 0;
       if (look(origin, false, seen)) {
-        colour = shade(seen, sky_seen(seen, s, total, rays, turn), key_seen(seen, s, total, turn));
+        colour = shade(seen, sky_seen(seen, s, total, sample_rays, turn).share(),
+                       key_seen(seen, s, total, turn));
         alpha = 1;
       }
       if (any_ghost) add_ghost(origin, seen.depth, colour, alpha);
@@ -334,7 +434,9 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
             {},
             {},
             {},
-            {}};
+            {},
+            Pass::sky_rays(rounded_up(options.ambient_rays, 12)),
+            Pass::sky_rays(rounded_up(options.ambient_rays, options.samples * options.samples))};
   if (pass.cut) {
     if (!pass.cut->point.allFinite() || !pass.cut->normal.allFinite() ||
         pass.cut->normal.stableNorm() == 0)

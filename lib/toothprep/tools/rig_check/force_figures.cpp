@@ -138,17 +138,22 @@ Measured<LagFigures> lag_figures(const SessionRecording& r, const Parameters& p)
     return Measured<LagFigures>::no("the session was not coupled: the bur is where the handle is");
   const std::vector<StepRecord>& rows = r.header.trace.rows;
   LagFigures f;
+  const auto paused = [&](std::size_t i) { return (r.flags[i] & kPaused) != 0; };
+  std::size_t counted = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) counted += !paused(i);
   for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (paused(i)) continue;
     const Vec3 spring = rows[i].handle.pose.position - rows[i].bur.position;
     const double lag = spring.norm();
-    f.mean += lag / static_cast<double>(rows.size());
+    f.mean += lag / static_cast<double>(counted);
     if (lag > f.largest) {
       f.largest = lag;
       f.largest_at = rows[i].handle.time;
     }
     f.largest_force_over_k =
         std::max(f.largest_force_over_k, rows[i].device_force.norm() / p.coupling.stiffness);
-    if (i == 0 || r.tick[i] != r.tick[i - 1] + 1) continue;  // row 0 has no force by definition
+    // The first row, and that of a resume, has no force by definition.
+    if (i == 0 || paused(i - 1) || r.tick[i] != r.tick[i - 1] + 1) continue;
     const Vec3 handle_velocity =
         (rows[i].handle.pose.position - rows[i - 1].handle.pose.position) / p.time_step;
     const Vec3 law = p.coupling.stiffness * spring +

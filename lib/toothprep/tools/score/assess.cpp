@@ -105,7 +105,7 @@ std::vector<std::string> judge_trace(const std::string& file, const Trace& trace
                                   trace.rows.back().removed_volume, parameters);
   std::vector<std::string> warnings;
   for (const Finding& f : judge_run(judge_parameters(parameters), audit, force, lag,
-                                    trace.drive == "direct" ? Drive::kDirect : Drive::kCoupled))
+                                    drive_named(trace.drive).value_or(Drive::kCoupled)))
     warnings.push_back(file + ": " + message_of(f));
   return warnings;
 }
@@ -137,6 +137,7 @@ std::vector<std::string> add_process(const AssessmentOptions& options, Assessmen
   std::vector<std::string> warnings;
   for (const std::string& file : options.traces) {
     Trace trace = read_trace(file);
+    if (trace.unfinished) warnings.push_back(unfinished_text(file));
     for (const std::string& warning : judge_trace(file, trace)) warnings.push_back(warning);
     if (result.trace) {  // made on what the one before left
       starts.push_back(append_recording(result.trace->rows, trace.rows));

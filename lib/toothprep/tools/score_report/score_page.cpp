@@ -253,12 +253,15 @@ std::string score_page_html(const ScorePage& page) {
   std::string html =
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
-      "style-src 'unsafe-inline'\"/>\n"
+      "style-src 'unsafe-inline'" +
+      (page.script_policy.empty() ? "" : "; script-src " + page.script_policy) +
+      "\"/>\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>" +
       escaped(title) + " \u2013 score</title>\n<style>" + kPageStyle +
       "</style>\n</head>\n<body>\n<main>\n";
   html += head(page, title);
   if (page.sheet.result) html += criteria_table(*page.sheet.result);
+  html += page.scene;
   html += pictures(page.pictures);
   html += drawings(page.sections);
   if (page.deviation)

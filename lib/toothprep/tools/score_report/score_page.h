@@ -1,5 +1,6 @@
 // The report of a score: one HTML page that holds everything (pictures, drawings, plots, styles)
-// and loads nothing: no script, no font, no request (a content policy in the page forbids them). It
+// and loads nothing: no font, no request, no script but the scene's own, which are known by their
+// hashes (a content policy in the page forbids all else). It
 // is well-formed XML too. Same page, same bytes.
 #pragma once
 
@@ -25,6 +26,8 @@ struct ScorePage {
   std::vector<Section> sections;
   std::optional<DeviationHistogram> deviation;  // with a target only
   std::optional<TracePlot> trace;               // with a recording only
+  std::string scene;  // markup of a part that shows the surfaces, with its scripts; or empty
+  std::string script_policy;  // of its scripts: what the page's policy says of them
 };
 
 // Texts of the sheet (file names, notes, reasons) may hold anything: they are escaped. Throws Error

@@ -15,9 +15,11 @@
 namespace toothprep {
 namespace {
 
-const std::vector<std::string> kColumns = {"time_s", "x_mm", "y_mm",    "z_mm", "qx",   "qy",
-                                           "qz",     "qw",   "buttons", "fx_N", "fy_N", "fz_N"};
-constexpr std::size_t kTime = 0, kPosition = 1, kQuaternion = 4, kButtons = 8, kForce = 9;
+const std::vector<std::string> kColumns = {"time_s", "x_mm", "y_mm",     "z_mm",     "qx",
+                                           "qy",     "qz",   "qw",       "buttons",  "fx_N",
+                                           "fy_N",   "fz_N", "load_x_N", "load_y_N", "load_z_N"};
+constexpr std::size_t kTime = 0, kPosition = 1, kQuaternion = 4, kButtons = 8, kForce = 9,
+                      kLoad = 12;
 
 // Lines of a text file, of at most 64 kB each (more is not a table), without their line ends. A
 // line is valid until the next one is asked for.
@@ -114,7 +116,8 @@ struct Header {
 Header read_header(std::string_view line, const std::string& path,
                    const std::vector<std::string>& also) {
   std::string expected =
-      "the header is time_s,x_mm,y_mm,z_mm[,qx,qy,qz,qw][,buttons][,fx_N,fy_N,fz_N]";
+      "the header is time_s,x_mm,y_mm,z_mm[,qx,qy,qz,qw][,buttons][,fx_N,fy_N,fz_N]"
+      "[,load_x_N,load_y_N,load_z_N]";
   for (const std::string& name : also) expected += "[," + name + "]";
   if (line.substr(0, 3) == "\xef\xbb\xbf") line.remove_prefix(3);  // byte order mark
   Header header;
@@ -149,6 +152,7 @@ Header read_header(std::string_view line, const std::string& path,
   require(kTime, 4);
   if (any(kQuaternion, 4)) require(kQuaternion, 4);
   if (any(kForce, 3)) require(kForce, 3);
+  if (any(kLoad, 3)) require(kLoad, 3);
   return header;
 }
 
@@ -215,6 +219,7 @@ class RowReader {
         refuse("buttons", "must be a whole number of 0 or more (bit 0: motor on)");
       s.buttons = static_cast<std::uint32_t>(b);
     }
+    if (header_.has(kLoad)) s.load = {value_[kLoad], value_[kLoad + 1], value_[kLoad + 2]};
     return s;
   }
 
@@ -252,6 +257,7 @@ Trajectory read_csv_trajectory(const std::string& path, const std::vector<std::s
   check_size(path, header, rows);
   Trajectory trajectory;
   trajectory.samples.reserve(rows);
+  trajectory.loaded = header.has(kLoad);
   if (header.has(kForce)) trajectory.measured_force.reserve(rows);
   for (std::size_t c = kColumns.size(); c < header.names.size(); ++c)
     if (header.has(c)) further[header.names[c]].reserve(rows);

@@ -29,6 +29,7 @@ HandleSample between(const HandleSample& a, const HandleSample& b, double time) 
           ? a.pose.orientation
           : a.pose.orientation.slerp(fraction, b.pose.orientation).normalized();
   result.buttons = a.buttons;
+  result.load = (1.0 - fraction) * a.load + fraction * b.load;
   return result;
 }
 
@@ -107,6 +108,7 @@ std::vector<HandleSample> resample(const Trajectory& trajectory, double time_ste
 
 Trajectory without_rejected(const Trajectory& trajectory) {
   Trajectory good;
+  good.loaded = trajectory.loaded;
   for (std::size_t i = 0; i < trajectory.samples.size(); ++i) {
     if (trajectory.samples[i].rejected) continue;
     good.samples.push_back(trajectory.samples[i]);

@@ -6,6 +6,7 @@
 
 #include "toothprep/step/core/strict_toml.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/tools/trajectory/path_frame.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
 namespace toothprep {
@@ -268,9 +269,11 @@ Segment read_segment(StrictTable& table, const Pose& start) {
 
 }  // namespace
 
-Trajectory parse_script(const std::string& toml, const std::string& where) {
+Trajectory parse_script(const std::string& toml, const std::string& where, PathFrame& frame) {
   const toml::table document = parse_toml(toml, where);
   StrictTable root(document, where);
+  const bool own = root.choice("frame", {"file", "tooth"}).value_or("file") == "tooth";
+  frame = own ? PathFrame::kTooth : PathFrame::kFile;
   Pose pose;
   pose.position = require_vector(root, "start_mm");
   const Vec3 axis = direction(root, "axis", root.vector("axis").value_or(Vec3(Vec3::UnitZ())));
@@ -313,6 +316,20 @@ Trajectory parse_script(const std::string& toml, const std::string& where) {
     trajectory.samples.push_back(sample);
   }
   return trajectory;
+}
+
+Trajectory read_script(const std::string& path, PathFrame& frame) {
+  return parse_script(read_small_text(path), path, frame);
+}
+
+Trajectory parse_script(const std::string& toml, const std::string& where) {
+  PathFrame frame = PathFrame::kFile;
+  Trajectory path = parse_script(toml, where, frame);
+  if (frame == PathFrame::kTooth)
+    throw InputError(where, "frame",
+                     "the path is written in the tooth's own frame, which isn't known here",
+                     "place it on a tooth first, with toothprep place");
+  return path;
 }
 
 Trajectory read_script(const std::string& path) {

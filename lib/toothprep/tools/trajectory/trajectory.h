@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "toothprep/step/core/session_event.h"
 #include "toothprep/step/core/step_record.h"
 
 namespace toothprep {
@@ -18,6 +19,8 @@ constexpr std::size_t kMostSamples = 20'000'000;
 struct Trajectory {                   // a commanded motion, at any rate
   std::vector<HandleSample> samples;  // time strictly increasing
   std::vector<Vec3> measured_force;   // N, tooth on bur, W; empty or one per sample
+  bool loaded = false;                // the samples' `load` is given
+  SessionEvents events;               // of a live session that was paused, changed, taken back
   bool unfinished = false;            // of a live recording that was not closed: killed, or it runs
 };
 
@@ -25,7 +28,8 @@ struct Trajectory {                   // a commanded motion, at any rate
 // normalised only where it needs to be, so that what this toolkit wrote is read back bit for bit.
 [[nodiscard]] bool accept_quaternion(const Quat& recorded, Quat& orientation);
 
-// Reads `time_s,x_mm,y_mm,z_mm[,qx,qy,qz,qw][,buttons][,fx_N,fy_N,fz_N]`. Throws InputError with
+// Reads `time_s,x_mm,y_mm,z_mm[,qx,qy,qz,qw][,buttons][,fx_N,fy_N,fz_N]
+// [,load_x_N,load_y_N,load_z_N]`. Throws InputError with
 // the line and column for anything else: wrong header, a missing unit, NaN, time that does not
 // increase, a quaternion that is not of unit length (to 1e-3; it is normalised), fewer than two
 // samples. Columns are found by name, so their order is free.
@@ -45,7 +49,7 @@ struct Trajectory {                   // a commanded motion, at any rate
 [[nodiscard]] Trajectory read_script(const std::string& path);
 [[nodiscard]] Trajectory parse_script(const std::string& toml, const std::string& where);
 
-// Samples at exactly start + i * time_step, i = 0, 1, ...: positions linear, orientations slerp,
+// Samples at exactly start + i * time_step, i = 0, 1, ...: positions and loads linear, orientations slerp,
 // buttons of the latest sample. The last one is the last that does not lie behind the trajectory's
 // end. A trajectory that already has these times (to 1e-9 s) is returned bit for bit, with its
 // rejected samples; otherwise these are left out before anything is interpolated. A gap above

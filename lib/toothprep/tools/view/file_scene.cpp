@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -34,8 +35,11 @@ std::optional<long> number_in(std::string_view query, std::string_view name) {
 class FileScene final : public PageSource {
  public:
   FileScene(std::vector<ViewLayer> layers, std::unique_ptr<Recording> recording,
-            std::string version)
-      : layers_(std::move(layers)), recording_(std::move(recording)), version_(std::move(version)) {
+            std::unique_ptr<Recording> other, std::string version)
+      : layers_(std::move(layers)),
+        recording_(std::move(recording)),
+        other_(std::move(other)),
+        version_(std::move(version)) {
     for (ViewLayer& layer : layers_) {
       if (!layer.tooth || (recording_ && &layer == &layers_.back())) continue;
       workpieces_.push_back(std::make_unique<Workpiece>(*layer.tooth));
@@ -54,22 +58,20 @@ class FileScene final : public PageSource {
       return std::nullopt;
     }
     if (path == "tissues" && volume_) return PageAnswer{bytes, volume_->samples};
-    if (path == "trace" && recording_) return PageAnswer{bytes, trace()};
+    if (path == "trace" && recording_) return PageAnswer{bytes, trace(*recording_)};
+    if (path == "other" && other_) return PageAnswer{bytes, trace(*other_)};
     if (path == "progress" && rerun_) return PageAnswer{json, progress(query)};
     return page_asset(path);
   }
 
  private:
-  std::size_t stride() const {
-    return recording_ ? 1 + (recording_->rows.size() - 1) / kMostRows : 1;
-  }
+  static std::size_t stride(const Recording& r) { return 1 + (r.rows.size() - 1) / kMostRows; }
 
   // Which row the page's row i is: every stride-th one, and the last.
-  std::vector<std::size_t> rows() const {
+  static std::vector<std::size_t> rows(const Recording& r) {
     std::vector<std::size_t> chosen;
-    if (!recording_) return chosen;
-    for (std::size_t i = 0; i < recording_->rows.size(); i += stride()) chosen.push_back(i);
-    if (chosen.back() + 1 != recording_->rows.size()) chosen.push_back(recording_->rows.size() - 1);
+    for (std::size_t i = 0; i < r.rows.size(); i += stride(r)) chosen.push_back(i);
+    if (chosen.back() + 1 != r.rows.size()) chosen.push_back(r.rows.size() - 1);
     return chosen;
   }
 
@@ -96,10 +98,15 @@ class FileScene final : public PageSource {
     if (recording_) {
       facts.bur = &recording_->bur;
       facts.parameters = &recording_->parameters;
-      facts.rows = rows().size();
-      facts.stride = stride();
+      facts.rows = rows(*recording_).size();
+      facts.stride = stride(*recording_);
       facts.session = !recording_->flags.empty();
+      if (other_) facts.other_rows = rows(*other_).size();
+      facts.mirror = !recording_->mirror.empty();
+      facts.events = recording_->interventions.events;
+      for (const Bur& bur : recording_->interventions.burs) facts.burs.push_back(&bur);
     }
+    facts.deviation = !layers_.back().deviation.empty();
     if (volume_) facts.volume = &*volume_;
     return scene_json(facts);
   }
@@ -116,7 +123,7 @@ class FileScene final : public PageSource {
     const int at = static_cast<int>(std::min(*frame, frames - 1)), from = static_cast<int>(*seen);
     BlockBytes bytes(at);
     if (!wanted.tooth) {
-      if (from < 0) bytes.add(wanted.mesh);
+      if (from < 0) bytes.add(wanted.mesh, wanted.deviation);
       return bytes.take();
     }
     for (const BlockMesh& block :
@@ -126,11 +133,12 @@ class FileScene final : public PageSource {
   }
 
   // float64 time of each row, then its columns.
-  std::string trace() const {
-    const Recording& r = *recording_;
-    const std::vector<std::size_t> chosen = rows();
+  std::string trace(const Recording& r) const {
+    const std::vector<std::size_t> chosen = rows(r);
+    const bool mirrored = !recording_->mirror.empty();
+    const Pose none{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Quat::Identity()};
     std::string bytes;
-    bytes.reserve(chosen.size() * (sizeof(double) + sizeof(float) * row_columns().size()));
+    bytes.reserve(chosen.size() * (sizeof(double) + sizeof(float) * row_columns(mirrored).size()));
     for (const std::size_t i : chosen) append_bytes(r.rows[i].handle.time, bytes);
     std::int64_t missed = 0;
     std::size_t counted = 0;
@@ -140,6 +148,7 @@ class FileScene final : public PageSource {
         for (; counted <= i; ++counted) missed += r.missed[counted];
         row = {&r.rows[i], r.flags[i], r.faults[i], missed};
       }
+      if (mirrored) row.mirror = r.mirror.empty() ? &none : &r.mirror[i];
       append_row(row, bytes);
     }
     return bytes;
@@ -158,7 +167,7 @@ class FileScene final : public PageSource {
   }
 
   std::vector<ViewLayer> layers_;
-  std::unique_ptr<Recording> recording_;
+  std::unique_ptr<Recording> recording_, other_;
   std::string version_;
   std::vector<std::unique_ptr<Workpiece>> workpieces_;
   std::map<const ViewLayer*, std::unique_ptr<KeyFrames>> still_;
@@ -170,10 +179,12 @@ class FileScene final : public PageSource {
 
 std::unique_ptr<PageSource> file_scene(std::vector<ViewLayer> layers,
                                        std::unique_ptr<Recording> recording,
+                                       std::unique_ptr<Recording> other,
                                        const std::string& version) {
   if (layers.empty() || (recording && !layers.back().tooth))
     throw Error("there is no tooth to be seen");
-  return std::make_unique<FileScene>(std::move(layers), std::move(recording), version);
+  return std::make_unique<FileScene>(std::move(layers), std::move(recording), std::move(other),
+                                     version);
 }
 
 }  // namespace toothprep

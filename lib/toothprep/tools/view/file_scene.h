@@ -17,12 +17,14 @@ struct ViewLayer {  // a surface: of a tooth, or as it is
   std::string name;
   std::unique_ptr<LayeredTooth> tooth;  // or null
   TriangleMesh mesh;                    // without a tooth
+  std::vector<float> deviation;         // mm, of the mesh per vertex, NaN: not known; or empty
 };
 
 // Layers are shown one at a time, the last one first. With a recording the last one is the tooth on
-// which it was made. `version` is the program's. Throws Error if there is nothing to be seen.
+// which it was made; `other`, or null, is laid over it. `version` is the program's. Throws Error if there is nothing to be seen.
 [[nodiscard]] std::unique_ptr<PageSource> file_scene(std::vector<ViewLayer> layers,
                                                      std::unique_ptr<Recording> recording,
+                                                     std::unique_ptr<Recording> other,
                                                      const std::string& version);
 
 }  // namespace toothprep

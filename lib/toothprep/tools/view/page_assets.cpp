@@ -20,6 +20,12 @@ TOOTHPREP_PAGE_FILE(scene, TOOTHPREP_PAGE_FOLDER "/scene.js");
 TOOTHPREP_PAGE_FILE(surface, TOOTHPREP_PAGE_FOLDER "/surface.js");
 TOOTHPREP_PAGE_FILE(instruments, TOOTHPREP_PAGE_FOLDER "/instruments.js");
 TOOTHPREP_PAGE_FILE(timeline, TOOTHPREP_PAGE_FOLDER "/timeline.js");
+TOOTHPREP_PAGE_FILE(control, TOOTHPREP_PAGE_FOLDER "/control.js");
+TOOTHPREP_PAGE_FILE(report, TOOTHPREP_PAGE_FOLDER "/report.js");
+TOOTHPREP_PAGE_FILE(stereo, TOOTHPREP_PAGE_FOLDER "/stereo.js");
+TOOTHPREP_PAGE_FILE(sound, TOOTHPREP_PAGE_FOLDER "/sound.js");
+TOOTHPREP_PAGE_FILE(reflector, TOOTHPREP_THREE "/examples/js/objects/Reflector.js");
+TOOTHPREP_PAGE_FILE(vr_button, TOOTHPREP_THREE "/examples/jsm/webxr/VRButton.js");
 TOOTHPREP_PAGE_FILE(page, TOOTHPREP_PAGE_FOLDER "/page.js");
 TOOTHPREP_PAGE_FILE(three, TOOTHPREP_THREE "/three.min.js");
 TOOTHPREP_PAGE_FILE(orbit, TOOTHPREP_THREE "/examples/js/controls/OrbitControls.js");
@@ -49,6 +55,12 @@ const File kFiles[] = {
     {"surface.js", kScript, toothprep_page_surface, toothprep_page_surface_end},
     {"instruments.js", kScript, toothprep_page_instruments, toothprep_page_instruments_end},
     {"timeline.js", kScript, toothprep_page_timeline, toothprep_page_timeline_end},
+    {"control.js", kScript, toothprep_page_control, toothprep_page_control_end},
+    {"report.js", kScript, toothprep_page_report, toothprep_page_report_end},
+    {"stereo.js", kScript, toothprep_page_stereo, toothprep_page_stereo_end},
+    {"sound.js", kScript, toothprep_page_sound, toothprep_page_sound_end},
+    {"reflector.js", kScript, toothprep_page_reflector, toothprep_page_reflector_end},
+    {"vr-button.js", kScript, toothprep_page_vr_button, toothprep_page_vr_button_end},
     {"page.js", kScript, toothprep_page_page, toothprep_page_page_end},
     {"three.js", kScript, toothprep_page_three, toothprep_page_three_end},
     {"orbit.js", kScript, toothprep_page_orbit, toothprep_page_orbit_end},

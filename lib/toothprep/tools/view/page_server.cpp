@@ -34,6 +34,7 @@ constexpr auto kRequestTime = std::chrono::seconds(10);           // to send a r
 constexpr auto kAnswerTime = std::chrono::seconds(60);            // to read what was asked for
 constexpr auto kFeedTime = std::chrono::seconds(20);              // of silence on a feed
 constexpr auto kFeedPeriod = std::chrono::microseconds(16667);    // 60 Hz
+constexpr auto kHearingPeriod = std::chrono::milliseconds(20);    // between messages of a page
 constexpr auto kRestAfterError = std::chrono::milliseconds(100);  // of accepting
 
 constexpr int kLeastPriority = 19;
@@ -113,7 +114,8 @@ class FeedConnection : public std::enable_shared_from_this<FeedConnection> {
       : socket_(std::move(stream)),
         counted_(std::move(counted)),
         feed_(std::move(feed)),
-        timer_(socket_.get_executor()) {}
+        timer_(socket_.get_executor()),
+        patience_(socket_.get_executor()) {}
 
   void accept(const Request& request) {
     socket_.set_option(websocket::stream_base::timeout{kRequestTime, kFeedTime, true});
@@ -127,12 +129,17 @@ class FeedConnection : public std::enable_shared_from_this<FeedConnection> {
   }
 
  private:
-  // What a page says is not looked at; reading answers its pings and sees that it left.
+  // Reading also answers its pings and sees that it left.
   void listen() {
     socket_.async_read(heard_, [self = shared_from_this()](beast::error_code error, std::size_t) {
       if (error) return self->end();
+      const auto bytes = self->heard_.cdata();
+      self->feed_->hear({static_cast<const char*>(bytes.data()), bytes.size()});
       self->heard_.consume(self->heard_.size());
-      self->listen();
+      self->patience_.expires_after(kHearingPeriod);
+      self->patience_.async_wait([self](beast::error_code stopped) {
+        if (!stopped && !self->ended_) self->listen();
+      });
     });
   }
 
@@ -159,12 +166,13 @@ class FeedConnection : public std::enable_shared_from_this<FeedConnection> {
   void end() {
     ended_ = true;
     timer_.cancel();
+    patience_.cancel();
   }
 
   websocket::stream<beast::tcp_stream> socket_;
   Counted counted_;
   std::unique_ptr<PageFeed> feed_;
-  asio::steady_timer timer_;
+  asio::steady_timer timer_, patience_;
   beast::flat_buffer heard_;
   std::string message_;
   bool ended_ = false;
@@ -342,11 +350,12 @@ std::string PageServer::address() const {
   return "http://" + host + ":" + std::to_string(at.port()) + "/" + work_->shared->token + "/";
 }
 
-void PageServer::run_until_signal() {
+void PageServer::run_until_signal(const std::function<void()>& ready) {
   asio::signal_set signals(work_->io, SIGINT, SIGTERM, SIGHUP);
   signals.async_wait([this](boost::system::error_code error, int) {
     if (!error) work_->io.stop();
   });
+  ready();
   work_->io.run();
 }
 

@@ -8,8 +8,8 @@
 //             needs it
 //   paths     looked up by what get() knows; no path is ever that of a file
 //   policy    a strict Content-Security-Policy: scripts, styles and connections of this server only
-//   load      requests have a header of at most 8 kB and no body; messages of a page at most 1 kB;
-//             so many connections and no more; whoever sends or reads nothing is dropped
+//   load      requests have a header of at most 8 kB and no body; messages of a page at most 1 kB
+//             and read at 50 Hz; so many connections and no more; whoever sends or reads nothing is dropped
 //
 // One thread serves all. A feed's messages are asked for when the last one has gone out: whoever
 // reads slowly gets the newest state, not a queue.
@@ -34,6 +34,8 @@ class PageFeed {
   virtual ~PageFeed() = default;
   // The next binary message, empty if there is nothing new; asked for 60 times a second at most.
   virtual std::string next() = 0;
+  // A message of the page, of at most 1 kB and 50 a second; others wait in the network.
+  virtual void hear(std::string_view message) { static_cast<void>(message); }
 };
 
 // What there is to be had. All of it is called on the server's thread.
@@ -63,7 +65,9 @@ class PageServer {
 
   [[nodiscard]] std::string address() const;  // with the token: whoever has it may look
 
-  void run_until_signal();  // serves until SIGINT, SIGTERM or SIGHUP
+  // Serves until SIGINT, SIGTERM or SIGHUP. `ready` is called once these end it in order: only then
+  // should anybody learn the address.
+  void run_until_signal(const std::function<void()>& ready);
   // Serves on a thread of its own until the end of this object, after all others of the machine
   // have what they need. Not from a real-time thread, whose scheduling it would inherit.
   void start();

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <exception>
 
-#include "toothprep/step/session/session.h"
+#include "toothprep/step/session/replay.h"
 
 namespace toothprep {
 namespace {
@@ -39,17 +39,20 @@ void Rerun::add_frame(std::size_t row) {
 }
 
 void Rerun::step_all(const std::stop_token& stop) {
-  const auto& [bur, parameters, drive, path, rows, flags, faults, missed] = recording_;
+  const std::vector<HandleSample>& path = recording_.path;
+  const std::vector<StepRecord>& rows = recording_.rows;
+  const Parameters& parameters = recording_.parameters;
   const auto finest = static_cast<std::size_t>(kFinest / parameters.time_step);
   const std::size_t rare = std::max({std::size_t{1}, finest, path.size() / kManyFrames});
-  Session session(bur, workpiece_, parameters, drive, path.front());
+  PathStepper stepper(recording_.bur, workpiece_, parameters, recording_.drive, path,
+                      recording_.interventions);
+  static_cast<void>(stepper.next());
   add_frame(0);  // without what lay inside the bur at first
   double bur_difference = 0, force_difference = 0;
   std::size_t next = rare;
   for (std::size_t i = 1; i < path.size() && !stop.stop_requested(); ++i) {
     const bool last = i + 1 == path.size();
-    StepRecord row = session.step(path[i]);
-    if (last) session.finish(row);
+    const StepRecord row = stepper.next();
     bur_difference = std::max(bur_difference, (row.bur.position - rows[i].bur.position).norm());
     force_difference = std::max(force_difference, (row.device_force - rows[i].device_force).norm());
     if (i == next || last) {

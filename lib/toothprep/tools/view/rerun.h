@@ -14,6 +14,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/step/core/step_record.h"
+#include "toothprep/step/session/replay.h"
 #include "toothprep/tools/view/key_frames.h"
 
 namespace toothprep {
@@ -23,9 +24,11 @@ struct Recording {  // of a session on a tooth
   Parameters parameters;
   Drive drive = Drive::kCoupled;
   std::vector<HandleSample> path;            // at the parameters' time step
+  Interventions interventions;               // what was done to the session
   std::vector<StepRecord> rows;              // as recorded, one per sample
   std::vector<std::uint32_t> flags, faults;  // of a live session, one per row; else empty
   std::vector<std::int32_t> missed;          // the same
+  std::vector<Pose> mirror;                  // of a second device, its own frame; or empty
 };
 
 class Rerun {

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "toothprep/tools/compare/deviation_file.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/render/colours.h"
 #include "toothprep/tools/render/view.h"
@@ -14,6 +15,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kArcStep = 0.1;  // rad, of an outline's arcs
+constexpr int kRampColours = 17;  // as page/surface.js expects
 
 Json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -47,6 +49,15 @@ Json bur_json(const Bur& bur) {
           {"shank_top", bur.shank_top()}};
 }
 
+Json deviation_json() {
+  Json colours = Json::array();
+  for (int i = 0; i < kRampColours; ++i) {
+    const Colour c = diverging_colour(2.f * static_cast<float>(i) / (kRampColours - 1) - 1);
+    colours.push_back({c[0], c[1], c[2]});
+  }
+  return {{"limit", kDeviationColourLimit}, {"colours", colours}};
+}
+
 const char* name_of(SceneKind kind) {
   return kind == SceneKind::kLive ? "live" : kind == SceneKind::kReplay ? "replay" : "surfaces";
 }
@@ -54,7 +65,7 @@ const char* name_of(SceneKind kind) {
 }  // namespace
 
 std::string scene_json(const SceneFacts& facts) {
-  const ToothAxes axes = tooth_axes(facts.provenance);
+  const ToothAxes axes = facts.axes ? *facts.axes : tooth_axes(facts.provenance);
   Json j = {{"kind", name_of(facts.kind)},
             {"version", facts.version},
             {"layers", facts.layers},
@@ -74,10 +85,18 @@ std::string scene_json(const SceneFacts& facts) {
     j["rotation_rate"] = h.rotation_rate;
     j["time_step"] = facts.parameters->time_step;
   }
-  j["columns"] = row_columns();
+  j["columns"] = row_columns(facts.mirror);
   j["rows"] = facts.rows;
+  j["other_rows"] = facts.other_rows;
   j["stride"] = facts.stride;
   j["session"] = facts.session;
+  j["control"] = facts.control;
+  if (facts.deviation) j["deviation"] = deviation_json();
+  j["burs"] = Json::array();
+  for (const Bur* bur : facts.burs) j["burs"].push_back(bur_json(*bur));
+  j["events"] = Json::array();
+  for (const SessionEvent& e : facts.events)
+    j["events"].push_back({{"time", e.time}, {"kind", name_of(e.kind)}, {"bur", e.arguments[0]}});
   if (facts.volume)
     j["volume"] = {
         {"counts", {facts.volume->counts.x(), facts.volume->counts.y(), facts.volume->counts.z()}},

@@ -1,10 +1,12 @@
 #include "toothprep/tools/view/wire.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
 #include <utility>
 
+#include "toothprep/tools/compare/deviation_file.h"
 #include "toothprep/tools/render/mesh_normals.h"
 
 namespace toothprep {
@@ -28,10 +30,10 @@ void append_floats(T value, std::string& bytes) {
   append_bytes(static_cast<float>(value), bytes);
 }
 
-void append_normal(const Eigen::Vector3f& normal, std::uint8_t tissue, std::string& bytes) {
+void append_normal(const Eigen::Vector3f& normal, std::int16_t code, std::string& bytes) {
   for (int i = 0; i < 3; ++i)
     append_bytes(static_cast<std::int16_t>(std::lround(32767 * normal[i])), bytes);
-  append_bytes(static_cast<std::int16_t>(tissue), bytes);
+  append_bytes(code, bytes);
 }
 
 void append_head(const Index3& block, std::size_t vertices, std::size_t triangles,
@@ -60,7 +62,7 @@ void BlockBytes::add(const BlockMesh& block) {
   ++blocks_;
 }
 
-void BlockBytes::add(const TriangleMesh& mesh) {
+void BlockBytes::add(const TriangleMesh& mesh, const std::vector<float>& deviation) {
   const std::vector<Eigen::Vector3f> normals = corner_normals(mesh, kSmoothing);
   append_head(Index3::Zero(), normals.size(), mesh.triangles.size(), bytes_);
   for (const auto& triangle : mesh.triangles)
@@ -68,7 +70,10 @@ void BlockBytes::add(const TriangleMesh& mesh) {
       for (int i = 0; i < 3; ++i) append_bytes(mesh.vertices[v][i], bytes_);
   for (std::size_t corner = 0; corner < normals.size(); ++corner) {
     const std::uint32_t v = mesh.triangles[corner / 3][corner % 3];
-    append_normal(normals[corner], mesh.tissue.empty() ? 0 : mesh.tissue[v], bytes_);
+    append_normal(normals[corner],
+                  vertex_code(mesh.tissue.empty() ? 0 : mesh.tissue[v],
+                              deviation.empty() ? NAN : deviation[v]),
+                  bytes_);
   }
   for (std::uint32_t corner = 0; corner < normals.size(); ++corner) append_bytes(corner, bytes_);
   ++blocks_;
@@ -79,8 +84,14 @@ std::string BlockBytes::take() {
   return std::move(bytes_);
 }
 
-const std::vector<std::string_view>& row_columns() {
-  static const std::vector<std::string_view> names = {
+std::int16_t vertex_code(std::uint8_t tissue, float deviation_mm) {
+  if (!std::isfinite(deviation_mm)) return tissue;
+  const double share = std::clamp(deviation_mm / kDeviationColourLimit, -1.0, 1.0);
+  return static_cast<std::int16_t>(tissue + 8 * (2048 + std::lround(2047 * share)));
+}
+
+std::vector<std::string_view> row_columns(bool mirror) {
+  std::vector<std::string_view> names = {
       "bur_x",          "bur_y",        "bur_z",         "bur_qx",     "bur_qy",
       "bur_qz",         "bur_qw",       "handle_x",      "handle_y",   "handle_z",
       "handle_qx",      "handle_qy",    "handle_qz",     "handle_qw",  "force_x",
@@ -89,6 +100,10 @@ const std::vector<std::string_view>& row_columns() {
       "area_dentin",    "area_pulp",    "area_other",    "shank_area", "removed_enamel",
       "removed_dentin", "removed_pulp", "removed_other", "rejected",   "flags",
       "fault",          "missed"};
+  if (mirror)
+    for (const char* name :
+         {"mirror_x", "mirror_y", "mirror_z", "mirror_qx", "mirror_qy", "mirror_qz", "mirror_qw"})
+      names.emplace_back(name);
   return names;
 }
 
@@ -111,6 +126,9 @@ void append_row(const ViewRow& row, std::string& bytes) {
   append_floats(row.flags, bytes);
   append_floats(row.fault, bytes);
   append_floats(row.missed, bytes);
+  if (!row.mirror) return;
+  append_floats(row.mirror->position, bytes);
+  append_floats(row.mirror->orientation, bytes);
 }
 
 }  // namespace toothprep

@@ -19,14 +19,16 @@ namespace toothprep {
 //   int32 frame, number of blocks; of each block
 //     int32    x, y, z of the block, vertices, triangles
 //     float32  3 per vertex: place, mm, W
-//     int16    4 per vertex: normal times 32767, tissue
+//     int16    4 per vertex: normal times 32767, tissue + 8 d: d = 0, or the deviation as
+//              2048 + 2047 (deviation / kDeviationColourLimit), 1 to 4095
 //     uint32   3 per triangle
 class BlockBytes {
  public:
   explicit BlockBytes(std::int32_t frame);
   void add(const BlockMesh& block);
   // A whole mesh as one block, with corners of their own where a sharp edge needs two normals.
-  void add(const TriangleMesh& mesh);
+  // `deviation`: mm per vertex, NaN where it isn't known; or empty.
+  void add(const TriangleMesh& mesh, const std::vector<float>& deviation = {});
   std::string take();  // the bytes
 
  private:
@@ -40,9 +42,15 @@ struct ViewRow {                       // what the page knows of a step
   const StepRecord* step;              // of the session
   std::uint32_t flags = 0, fault = 0;  // of a live tick (core/live_tick.h)
   std::int64_t missed = 0;             // ticks so far
+  // Of a second device, its own frame; not a number: there is none. Null: no such columns.
+  const Pose* mirror = nullptr;
 };
-[[nodiscard]] const std::vector<std::string_view>& row_columns();  // names, in order
+// Names, in order; with those of a second device.
+[[nodiscard]] std::vector<std::string_view> row_columns(bool mirror);
 void append_row(const ViewRow& row, std::string& bytes);
+
+// A vertex's tissue and deviation as above.
+[[nodiscard]] std::int16_t vertex_code(std::uint8_t tissue, float deviation_mm);
 
 template <class T>
 void append_bytes(const T& value, std::string& bytes) {

@@ -32,6 +32,42 @@ View.readBlocks = (buffer, start = 0) => {
   return result;
 };
 
+// What packed_mesh() packed (report_scene.h), as readBlocks() gives it, with normals made of the triangles.
+View.unpackMesh = (buffer) => {
+  const head = new DataView(buffer), bytes = new Uint8Array(buffer);
+  const origin = [0, 4, 8].map((at) => head.getFloat32(at, true)), step = head.getFloat32(12, true);
+  const vertices = head.getUint32(16, true), triangles = head.getUint32(20, true);
+  let at = 24;
+  const difference = () => {
+    let value = 0, scale = 1;
+    for (;;) {
+      const byte = bytes[at++];
+      value += (byte & 127) * scale;
+      if (byte < 128) return value % 2 ? -(value + 1) / 2 : value / 2;
+      scale *= 128;
+    }
+  };
+  const positions = new Float32Array(3 * vertices), indices = new Uint32Array(3 * triangles);
+  for (let axis = 0; axis < 3; ++axis)
+    for (let v = 0, place = 0; v < vertices; ++v) positions[3 * v + axis] = origin[axis] + step * (place += difference());
+  for (let i = 0, corner = 0; i < indices.length; ++i) indices[i] = corner += difference();
+  const normals = new Float32Array(3 * vertices);
+  for (let i = 0; i < indices.length; i += 3) {
+    const [a, b, c] = [0, 1, 2].map((k) => 3 * indices[i + k]), p = positions;
+    const u = [p[b] - p[a], p[b + 1] - p[a + 1], p[b + 2] - p[a + 2]], w = [p[c] - p[a], p[c + 1] - p[a + 1], p[c + 2] - p[a + 2]];
+    const n = [u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]];
+    for (const corner of [a, b, c]) for (let k = 0; k < 3; ++k) normals[corner + k] += n[k];
+  }
+  const shapes = new Int16Array(4 * vertices);
+  for (let v = 0; v < vertices; ++v) {
+    const length = Math.hypot(normals[3 * v], normals[3 * v + 1], normals[3 * v + 2]) || 1;
+    for (let k = 0; k < 3; ++k) shapes[4 * v + k] = Math.round(32767 * normals[3 * v + k] / length);
+    shapes[4 * v + 3] = head.getInt16(at, true);
+    at += 2;
+  }
+  return {frame: 0, blocks: [{key: 'all', positions, shapes, indices}]};
+};
+
 // The rows of a session: columns by name, times in seconds.
 View.Rows = class {
   constructor(columns, times, values) {
@@ -40,9 +76,8 @@ View.Rows = class {
     this.times = times;
     this.values = values;
   }
-  static read(scene, buffer) {
-    return new View.Rows(scene.columns, new Float64Array(buffer, 0, scene.rows),
-      new Float32Array(buffer, 8 * scene.rows, scene.rows * scene.columns.length));
+  static read(columns, rows, buffer) {
+    return new View.Rows(columns, new Float64Array(buffer, 0, rows), new Float32Array(buffer, 8 * rows, rows * columns.length));
   }
   get length() { return this.times.length; }
   at(row, name) { return this.values[row * this.width + this.column[name]]; }
@@ -110,6 +145,7 @@ View.readMessage = (buffer, columns) => {
   switch (head.getInt32(0, true)) {
     case 1: return {row: {time: head.getFloat64(8, true), world: head.getFloat64(16, true), values: new Float32Array(buffer, 24, columns)}};
     case 2: return {blocks: View.readBlocks(buffer, 4)};
+    case 3: return {state: JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4)))};
     default: throw new Error('the server sent a message of another version');
   }
 };

@@ -13,8 +13,9 @@ View.lamps = {
   limit: (r, i, session) => session ? (r.at(i, 'flags') & kLimited) !== 0 : null,
   heat: (r, i, session) => session ? (r.at(i, 'flags') & kHeat) !== 0 : null,
   fault: (r, i, session) => session ? r.at(i, 'fault') !== 0 || (r.at(i, 'flags') & (kWithheld | kRejected)) !== 0 : null,
+  paused: (r, i, session) => session ? (r.at(i, 'flags') & 2048) !== 0 : null,
 };
-const kMild = ['limit', 'heat'];
+const kMild = ['limit', 'heat', 'paused'];
 
 // Legends are not used here, and theirs are made of inline styles, which the page's policy refuses.
 Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
@@ -28,7 +29,7 @@ View.quantities = (facts) => [
 ];
 
 View.Instruments = class {
-  constructor(facts) {
+  constructor(facts, sound) {
     this.facts = facts;
     this.quantities = View.quantities(facts);
     this.plotted = 0;
@@ -41,6 +42,13 @@ View.Instruments = class {
     };
     this.lamps = Object.keys(View.lamps).map((name) => [name, make('lamps', 'li', name)]);
     this.lampStates = {};
+    for (const [name, element] of this.lamps) {  // a click switches its sound
+      element.id = `lamp-${name}`;
+      element.addEventListener('click', () => {
+        sound.muted.has(name) ? sound.muted.delete(name) : sound.muted.add(name);
+        element.classList.toggle('mute', sound.muted.has(name));
+      });
+    }
     this.values = this.quantities.map((q) => {
       make('numbers', 'dt', q.name);
       const value = make('numbers', 'dd', '');
@@ -65,9 +73,9 @@ View.Instruments = class {
     title.textContent = `${quantity.name}, ${quantity.unit}` + (quantity.limit ? ' (line: stall torque)' : '');
     box.className = 'plot';
     document.getElementById('plots').append(title, box);
-    const graph = new Dygraph(box, [[0, 0, quantity.limit || null]], {
-      labels: ['time', quantity.name, 'limit'], legend: 'never', interactionModel: {}, drawGrid: true, gridLineColor: '#3c4851',
-      axisLineColor: '#3c4851', axisLabelFontSize: 11, colors: ['#7fd0ff', '#ff5a3c'], strokeWidth: 1.3, includeZero: true,
+    const graph = new Dygraph(box, [[0, 0, quantity.limit || null, null]], {
+      labels: ['time', quantity.name, 'limit', 'other'], legend: 'never', interactionModel: {}, drawGrid: true, gridLineColor: '#3c4851',
+      axisLineColor: '#3c4851', axisLabelFontSize: 11, colors: ['#7fd0ff', '#ff5a3c', '#7dff8a'], strokeWidth: 1.3, includeZero: true,
       highlightCircleSize: 0, axes: {y: {axisLabelWidth: 36, pixelsPerLabel: 20}},
     });
     return {quantity, graph};
@@ -83,21 +91,24 @@ View.Instruments = class {
     for (const [name, element] of this.lamps) {
       const on = View.lamps[name](rows, row, this.facts.session);
       this.lampStates[name] = on;
-      element.className = on === null ? 'unknown' : on ? (kMild.includes(name) ? 'on mild' : 'on') : '';
-      element.title = on === null ? 'known of live sessions only' : '';
+      element.classList.toggle('unknown', on === null);
+      element.classList.toggle('on', on === true);
+      element.classList.toggle('mild', on === true && kMild.includes(name));
+      element.title = on === null ? 'known of live sessions only' : 'a click switches its sound off or on';
     }
   }
 
   // The plots of the last seconds, now and then.
-  plot(rows, row, now = performance.now(), atOnce = false) {
+  plot(rows, row, now = performance.now(), atOnce = false, other = null) {
     if (!atOnce && now - this.plotted < kPlotEvery) return;
     this.plotted = now;
     const to = rows.times[row], from = rows.find(to - kWindow);
     const step = Math.max(1, Math.floor((row - from) / 300));
     for (const {quantity, graph} of this.plots) {
       const points = [];
-      for (let i = from; i <= row; i += step) points.push([rows.times[i], quantity.of(rows, i), quantity.limit || null]);
-      if (points.length === 0) points.push([to, 0, quantity.limit || null]);
+      const beside = (time) => other && time <= other.times[other.length - 1] ? quantity.of(other, other.find(time)) : null;
+      for (let i = from; i <= row; i += step) points.push([rows.times[i], quantity.of(rows, i), quantity.limit || null, beside(rows.times[i])]);
+      if (points.length === 0) points.push([to, 0, quantity.limit || null, null]);
       graph.updateOptions({file: points, dateWindow: [to - kWindow, to]});
     }
   }

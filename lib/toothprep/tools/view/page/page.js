@@ -1,6 +1,8 @@
 // Puts the parts together: what is shown, when, and from which of the server's answers.
 'use strict';
 
+const kPatience = 100;  // ms
+
 (async () => {
   const byId = (id) => document.getElementById(id);
   const message = (text) => { byId('message').textContent = text; };
@@ -19,9 +21,10 @@
   const layer = facts.layers.length - 1;
   const now = picture.surfaces.now, before = picture.surfaces.before;
   let rows = null, instruments = null, timeline = null, progress = null;
+  const sound = new View.Sound(facts);
   const frameRows = replays ? [] : [0];
   const play = {time: 0, row: 0, playing: false, speed: 1, turned: 0};
-  let asking = false, settled = [];
+  let asking = false, askedAt = 0, arrived = false, settled = [], control = null, other = null;
 
   // ---- The tooth as it was
 
@@ -43,10 +46,11 @@
   const updateSurface = async () => {
     if (asking || live || frameRows.length === 0 || wantedFrame() === now.frame) return;
     asking = true;
+    askedAt = performance.now();
     try {
       const frame = wantedFrame();
       now.update(View.readBlocks(await View.bytes(`blocks?layer=${layer}&frame=${frame}&seen=${now.frame}`)));
-      picture.changed = true;
+      picture.changed = arrived = true;
     } finally {
       asking = false;
     }
@@ -82,11 +86,17 @@
     feed.binaryType = 'arraybuffer';
     feed.onopen = () => {
       watched.connected = true;
-      message(rows.length ? '' : 'waiting for the session to begin');
+      message(rows.length ? '' : 'waiting for the session to begin: hold the stylus so that the bur is clear of the tooth');
     };
     feed.onmessage = ({data}) => {
       ++watched.messages;
-      const {row, blocks} = View.readMessage(data, facts.columns.length);
+      const {row, blocks, state} = View.readMessage(data, facts.columns.length);
+      if (state) {
+        watched.control = {...watched.control, refused: undefined, ...state};
+        if (control) control.show(state);
+        if (control && facts.burs[state.bur]) picture.setBur(facts.burs[state.bur]);
+        return;
+      }
       if (blocks) {
         now.update(blocks);
         picture.changed = true;
@@ -96,6 +106,7 @@
       rows.add(row.time, row.values);
       watched.world = row.world;
     };
+    watched.send = (command) => feed.send(JSON.stringify(command));
     feed.onclose = () => {
       if (watched.connected || watched.messages === 0)
         message(watched.messages ? 'the session has ended, or does not answer' : 'not connected');
@@ -108,6 +119,7 @@
     play.time = rows.times[rows.length - 1];
     turn(rows.length - 1, seconds);
     showRow(rows.length - 1);
+    byId('guidance').textContent = View.guidance(facts, rows, rows.length - 1);
     instruments.plot(rows, rows.length - 1);
     const world = performance.timeOrigin + performance.now();
     watched.latencies.push(world - watched.world);
@@ -118,15 +130,19 @@
 
   const showRow = (row) => {
     play.row = row;
+    if (facts.events.length) picture.setBur(facts.burs[View.burAt(facts, rows.times[row])] || facts.bur);
     picture.setRow(rows, row, play.turned);
+    if (other) picture.setOther(other, other.find(rows.times[row]));
     instruments.show(rows, row);
+    sound.show(rows, row, instruments.lampStates, live || play.playing);
+    if (picture.mirror && facts.columns.includes('mirror_x')) picture.mirror.follow(rows.vector(row, 'mirror'), rows.quaternion(row, 'mirror'));
   };
   const seek = (time) => {
     const end = rows.times[rows.length - 1];
     play.time = Math.min(Math.max(time, rows.times[0]), end);
     showRow(rows.find(play.time));
     timeline.show(play.time);
-    instruments.plot(rows, play.row, performance.now(), !play.playing);
+    instruments.plot(rows, play.row, performance.now(), !play.playing, other);
     return new Promise((resolve) => settled.push(resolve));
   };
   const setPlaying = (playing) => {
@@ -153,7 +169,7 @@
 
   const overlay = () => {
     const label = byId('force-label'), end = picture.forceEnd && picture.onScreen(picture.forceEnd);
-    label.hidden = !end;
+    label.hidden = !end || picture.stereo !== 'off';
     if (end) {
       label.textContent = `${rows.length3(play.row, 'force').toFixed(2)} N`;
       label.style.transform = `translate(${end[0] + 8}px, ${end[1] - 14}px)`;
@@ -171,8 +187,12 @@
     last = time;
     if (replays && rows) advance(seconds);
     if (live && rows) showNewest(seconds);
+    const drawable = arrived;
+    arrived = false;
     updateSurface().catch(fail);
-    if (picture.draw()) overlay();
+    // The bur waits a little for the tooth of the same moment: one picture of both instead of two.
+    const waits = asking && !drawable && performance.now() - askedAt < kPatience;
+    if (!waits && picture.draw()) overlay();
     if (settled.length && !asking && (live || wantedFrame() === now.frame && reached(play.row))) {
       const done = settled;
       settled = [];
@@ -224,6 +244,14 @@
     item.append(patch, tissue.name);
     byId('legend').append(item);
   }
+  const setStereo = (kind) => picture.setStereo(byId('stereo').value = kind);
+  const setMirror = (on) => picture.setMirror(byId('mirror').checked = on);
+  byId('stereo').addEventListener('change', (event) => setStereo(event.target.value));
+  byId('mirror').addEventListener('change', (event) => setMirror(event.target.checked));
+  byId('sound').addEventListener('change', (event) => sound.turn(event.target.checked));
+  byId('sound-label').classList.toggle('absent', !facts.bur);
+  View.offerHeadset(picture, byId('tools'), () => picture.draw(true)).catch(fail);
+  if (facts.deviation) View.offerDeviation(facts, picture);
   byId('transport').classList.toggle('absent', !replays);
   byId('panel').classList.toggle('absent', !facts.bur);
   byId('follow-label').classList.toggle('absent', !facts.bur);
@@ -233,39 +261,44 @@
   // ---- For tests and scripts
 
   const state = () => {
-    const row = rows && rows.length ? {
+    const row = rows && rows.length && instruments ? {
       time: rows.times[play.row], row: play.row, bur: rows.vector(play.row, 'bur'), handle: rows.vector(play.row, 'handle'),
       force: rows.vector(play.row, 'force'), force_n: rows.length3(play.row, 'force'), torque: rows.at(play.row, 'torque'),
       lag_mm: rows.lag(play.row), stalled: rows.at(play.row, 'stalled') > 0, removed_mm3: rows.removed(play.row),
       lamps: {...instruments.lampStates},
+      other: other ? {time: other.times[other.find(rows.times[play.row])], bur: other.vector(other.find(rows.times[play.row]), 'bur')} : null,
     } : {};
     return {
       kind: facts.kind, ready, errors: [...errors], playing: play.playing, speed: play.speed, rows: rows ? rows.length : 0,
       triangles: now.triangles, triangles_before: before.triangles, frame: now.frame, generation: now.frame,
       frame_row: replays ? frameRows[now.frame] : 0, frames: frameRows.length,
       recomputed: progress ? {...progress, frame_rows: undefined} : null, moments: timeline ? timeline.moments : null,
-      section: {...picture.section}, live: live ? {...watched} : null, wipe: picture.wipe, pictures: picture.frames,
+      section: {...picture.section}, stereo: picture.stereo,
+      mirror: picture.mirror ? {position: picture.mirror.group.position.toArray(), reflections: picture.mirror.reflections} : null,
+      sound: {on: sound.on, drill_hz: sound.drill, sounding: [...sound.sounding], muted: [...sound.muted]}, live: live ? {...watched, send: undefined} : null, bur_name: picture.shownBur ? picture.shownBur.name : null, wipe: picture.wipe, pictures: picture.frames,
       camera: {position: picture.camera.position.toArray(), target: picture.controls.target.toArray()}, ...row,
     };
   };
   let ready = false;
   window.toothprep = {state, seek, play: setPlaying, look: (name) => picture.look(name), lookAtBur: () => picture.lookAtBur(),
     onScreen: (place) => picture.onScreen(new THREE.Vector3(...place)),
-    section: setSection, wipe: setWipe};
+    section: setSection, wipe: setWipe, stereo: setStereo, mirror: setMirror, control: (command) => watched.send(command)};
 
   // ---- Begin
 
   requestAnimationFrame(onFrame);
   if (replays) {
-    rows = View.Rows.read(facts, await View.bytes('trace'));
-    instruments = new View.Instruments(facts);
-    timeline = new View.Timeline(rows, facts, seek);
+    rows = View.Rows.read(facts.columns, facts.rows, await View.bytes('trace'));
+    if (facts.other_rows) other = View.Rows.read(facts.columns, facts.other_rows, await View.bytes('other'));
+    instruments = new View.Instruments(facts, sound);
+    timeline = new View.Timeline(rows, facts, seek, other);
     await followProgress();
     seek(rows.times[0]);
   }
   if (live) {
     rows = new View.LiveRows(facts.columns);
-    instruments = new View.Instruments(facts);
+    instruments = new View.Instruments(facts, sound);
+    if (facts.control) control = new View.Control(facts, (command) => watched.send(command));
     connect();
   }
   if (facts.volume) picture.setVolume(new Uint8Array(await View.bytes('tissues')));

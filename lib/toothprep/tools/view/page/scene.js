@@ -3,6 +3,7 @@
 
 const kForceLength = 2.5;   // mm per N, of the arrow
 const kForceLeast = 0.005;  // N
+const kCoarse = 0.5, kRest = 300;  // of the pixels' side; ms
 const kHandpiece = {radius: 4.2, length: 12, grip: 5.5, gripLength: 60};  // mm: an outline, no model
 
 // Whether pictures are made without a graphics processor: then smooth edges cost more than they are worth.
@@ -16,7 +17,8 @@ View.drawsBySoftware = () => {
 
 View.Picture = class {
   constructor(canvas, scene) {
-    const context = canvas.getContext('webgl2', {antialias: !View.drawsBySoftware(), stencil: true});
+    this.software = View.drawsBySoftware();
+    const context = canvas.getContext('webgl2', {antialias: !this.software, stencil: true});
     if (!context) throw new Error('this browser shows no 3-D pictures (WebGL 2)');
     this.canvas = canvas;
     this.renderer = new THREE.WebGLRenderer({canvas, context});
@@ -40,6 +42,7 @@ View.Picture = class {
     this.surfaces = {now: new View.Surface(), before: new View.Surface()};
     for (const surface of Object.values(this.surfaces)) {
       surface.uniforms.colours.value = scene.tissues.map((t) => new THREE.Color(...t.colour));
+      if (scene.deviation) surface.uniforms.ramp.value = scene.deviation.colours.map((c) => new THREE.Color(...c));
       surface.uniforms.volume.value = View.volumeTexture([1, 1, 1], new Uint8Array(4));
       this.three.add(surface.group);
     }
@@ -48,6 +51,8 @@ View.Picture = class {
     this.three.add(this.face);
     this.section = {kind: 'off', offset: 0, follows: true};
     this.wipe = 0;
+    this.stereo = 'off';
+    this.drawn = 0;
     this.frames = 0;
     this.changed = true;
     if (scene.bur) this.addBur(scene.bur);
@@ -73,7 +78,14 @@ View.Picture = class {
     return new THREE.Mesh(geometry, material);
   }
 
+  setBur(bur) {
+    if (bur === this.shownBur) return;
+    this.three.remove(this.bur, this.handle, this.lag, this.force);
+    this.addBur(bur);
+  }
+
   addBur(bur) {
+    this.shownBur = bur;
     // Stripes that wind around the head, so that it is seen to turn.
     const stripes = new Uint8Array(3 * 32 * 32);
     for (let i = 0; i < 32 * 32; ++i) stripes.fill((i % 32 + (i >> 5)) % 16 < 8 ? 255 : 150, 3 * i, 3 * i + 3);
@@ -154,6 +166,18 @@ View.Picture = class {
     this.changed = true;
   }
 
+  // The bur of another recording at the same time.
+  setOther(rows, row) {
+    if (!this.other) {
+      const green = new THREE.MeshBasicMaterial({color: 0x7dff8a, transparent: true, opacity: 0.45, depthWrite: false});
+      this.other = View.Picture.solid(this.shownBur.outline, green);
+      this.other.renderOrder = 2;
+      this.three.add(this.other);
+    }
+    this.other.position.set(...rows.vector(row, 'bur'));
+    this.other.quaternion.set(...rows.quaternion(row, 'bur'));
+  }
+
   // ---- Sections, before and after
 
   updateSection() {
@@ -172,6 +196,22 @@ View.Picture = class {
       surface.uniforms.section.value = plane;
       surface.insides.visible = kind !== 'off';
     }
+  }
+
+  setStereo(kind) {
+    this.stereo = kind;
+    this.changed = true;
+  }
+
+  setMirror(on) {
+    if (on === Boolean(this.mirror)) return;
+    if (on) this.mirror = new View.Mirror(this);
+    else { this.mirror.remove(); this.mirror = null; }
+  }
+
+  setDeviation(on) {
+    this.surfaces.now.uniforms.deviates.value = on ? 1 : 0;
+    this.changed = true;
   }
 
   setWipe(share) {
@@ -210,7 +250,7 @@ View.Picture = class {
   resize() {
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
     if (!width || !height) return;
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.renderer.setPixelRatio((this.coarse ? kCoarse : 1) * Math.min(window.devicePixelRatio || 1, 2));
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
@@ -229,16 +269,44 @@ View.Picture = class {
     return [(0.5 + 0.5 * p.x) * this.canvas.clientWidth, (0.5 - 0.5 * p.y) * this.canvas.clientHeight];
   }
 
-  draw() {
-    if (!this.changed) return false;
+  // Without a graphics processor a picture that changes all the time is made of fewer pixels, and of all when it rests.
+  chooseSize() {
+    if (!this.software) return;
+    const rested = performance.now() - this.drawn > kRest;
+    if (this.changed) this.drawn = performance.now();
+    const coarse = this.changed ? !rested : Boolean(this.coarse) && !rested;
+    if (coarse === Boolean(this.coarse)) return;
+    this.coarse = coarse;
+    this.resize();
+  }
+
+  draw(always = false) {
+    this.chooseSize();
+    if (!this.changed && !always) return false;
     this.changed = false;
     this.updateSection();
-    const border = this.wipe * this.canvas.clientWidth * this.renderer.getPixelRatio();
     this.surfaces.before.group.visible = this.wipe > 0;
-    this.surfaces.before.uniforms.wipe.value.set(-1e9, border);
-    this.surfaces.now.uniforms.wipe.value.set(this.wipe > 0 ? border : -1e9, 1e9);
-    this.renderer.render(this.three, this.camera);
+    View.drawEyes(this, this.stereo, (left, width) => {
+      const border = left + this.wipe * width;
+      this.surfaces.before.uniforms.wipe.value.set(-1e9, border);
+      this.surfaces.now.uniforms.wipe.value.set(this.wipe > 0 ? border : -1e9, 1e9);
+    });
     ++this.frames;
     return true;
   }
+};
+
+// The switch and the scale of deviation colours.
+View.offerDeviation = (facts, picture) => {
+  const byId = (id) => document.getElementById(id);
+  const context = byId('deviation-bar').getContext('2d'), {colours, limit} = facts.deviation;
+  const width = context.canvas.width / colours.length;
+  colours.forEach((c, i) => {
+    context.fillStyle = `#${new THREE.Color(...c).convertLinearToSRGB().getHexString()}`;
+    context.fillRect(i * width, 0, width + 1, context.canvas.height);
+  });
+  byId('deviation-limit').textContent = `−${limit} to ${limit} mm (left standing)`;
+  byId('deviation-label').hidden = false;
+  byId('deviation').addEventListener('change', (event) => picture.setDeviation(event.target.checked));
+  picture.setDeviation(true);
 };

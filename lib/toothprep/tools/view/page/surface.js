@@ -6,6 +6,8 @@
 // volume of tissues. So the face is right whatever has been cut.
 'use strict';
 
+const kRamp = 17;
+
 View.surfaceUniforms = () => ({
   colours: {value: [0, 1, 2, 3, 4].map(() => new THREE.Color(0.66, 0.63, 0.58))},
   section: {value: new THREE.Vector4(0, 0, 0, 0)},  // normal and offset; what lies beyond is away
@@ -13,6 +15,8 @@ View.surfaceUniforms = () => ({
   volume: {value: null},
   volumeOrigin: {value: new THREE.Vector3()},
   volumeSize: {value: new THREE.Vector3(1, 1, 1)},
+  ramp: {value: Array.from({length: kRamp}, () => new THREE.Color(1, 1, 1))},  // of the deviation
+  deviates: {value: 0},                             // 1: coloured by it, where it is known
 });
 
 const kSurfaceVertex = `
@@ -20,15 +24,18 @@ const kSurfaceVertex = `
   varying vec3 place;
   varying vec3 outward;
   varying vec4 tissue;
+  varying vec2 deviation;  // of the full colours; whether it is known
   void main() {
-    float label = floor(shape.w * 32767.0 + 0.5);
+    float code = floor(shape.w * 32767.0 + 0.5), label = mod(code, 8.0), steps = floor(code / 8.0);
+    deviation = steps > 0.5 ? vec2((steps - 2048.0) / 2047.0, 1.0) : vec2(0.0);
     tissue = vec4(label == 1.0, label == 2.0, label == 3.0, label == 4.0);
     place = position;
     outward = (viewMatrix * vec4(shape.xyz, 0.0)).xyz;
-    gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
+    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
   }`;
 
 const kSurfaceStart = `
+  #define RAMP ${kRamp}
   precision highp sampler3D;
   uniform vec3 colours[5];
   uniform vec4 section;
@@ -36,6 +43,9 @@ const kSurfaceStart = `
   varying vec3 place;
   varying vec3 outward;
   varying vec4 tissue;
+  varying vec2 deviation;
+  uniform vec3 ramp[RAMP];
+  uniform float deviates;
 
   vec3 strongest(vec4 weights, float blur) {
     float most = max(max(weights.x, weights.y), max(weights.z, weights.w));
@@ -59,7 +69,13 @@ const kOutside = `${kSurfaceStart}
   void main() {
     float blur = clamp(1.5 * max(max(fwidth(tissue.x), fwidth(tissue.y)), fwidth(tissue.z)), 1e-4, 0.5);
     if (away()) discard;
-    gl_FragColor = shown(lit(strongest(tissue, blur), normalize(outward)));
+    vec3 colour = strongest(tissue, blur);
+    if (deviates > 0.5) {
+      float at = clamp(0.5 + 0.5 * deviation.x, 0.0, 1.0) * float(RAMP - 1);
+      int i = int(min(floor(at), float(RAMP - 2)));
+      colour = deviation.y > 0.99 ? mix(ramp[i], ramp[i + 1], at - float(i)) : colours[0];
+    }
+    gl_FragColor = shown(lit(colour, normalize(outward)));
   }`;
 
 const kInside = `${kSurfaceStart}
@@ -72,7 +88,9 @@ const kFaceVertex = `
   varying vec3 place;
   varying vec3 outward;
   varying vec4 tissue;
+  varying vec2 deviation;
   void main() {
+    deviation = vec2(0.0);
     place = (modelMatrix * vec4(position, 1.0)).xyz;
     outward = normalMatrix * normal;
     tissue = vec4(0.0);

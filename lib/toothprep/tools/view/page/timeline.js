@@ -34,14 +34,15 @@ View.moments = (rows) => {
 };
 
 View.Timeline = class {
-  constructor(rows, facts, seek) {
+  constructor(rows, facts, seek, other = null) {
     this.rows = rows;
+    this.other = other;
     this.time = rows.times[0];
     this.moments = View.moments(rows);
     const stalls = this.stallSpans();
     this.graph = new Dygraph(document.getElementById('line-plot'), this.curve(), {
-      labels: ['time', 'force, N'], legend: 'never', interactionModel: this.dragging(seek), gridLineColor: '#3c4851',
-      axisLineColor: '#3c4851', axisLabelFontSize: 11, colors: ['#ff8a70'], includeZero: true, fillGraph: true,
+      labels: ['time', 'force, N', 'other'], legend: 'never', interactionModel: this.dragging(seek), gridLineColor: '#3c4851',
+      axisLineColor: '#3c4851', axisLabelFontSize: 11, colors: ['#ff8a70', '#7dff8a'], includeZero: true, fillGraph: true,
       highlightCircleSize: 0, axes: {y: {axisLabelWidth: 36}, x: {axisLabelFormatter: (t) => `${t} s`}},
       underlayCallback: (context, area, graph) => {
         context.fillStyle = '#e04a3588';
@@ -59,11 +60,19 @@ View.Timeline = class {
   curve() {
     const {rows} = this, step = Math.max(1, Math.ceil(rows.length / kPoints)), points = [];
     for (let i = 0; i < rows.length; i += step) {
-      let most = 0;
-      for (let k = i; k < Math.min(i + step, rows.length); ++k) most = Math.max(most, rows.length3(k, 'force'));
-      points.push([rows.times[i], most]);
+      const last = Math.min(i + step, rows.length) - 1;
+      points.push([rows.times[i], this.most(rows, i, last), this.other && this.of(rows.times[i], rows.times[last])]);
     }
     return points;
+  }
+  most(rows, from, to) {
+    let most = 0;
+    for (let k = from; k <= to; ++k) most = Math.max(most, rows.length3(k, 'force'));
+    return most;
+  }
+  of(from, to) {  // of the other recording, between two times
+    if (from > this.other.times[this.other.length - 1]) return null;
+    return this.most(this.other, this.other.find(from), this.other.find(to));
   }
 
   stallSpans() {

@@ -16,7 +16,7 @@
 namespace toothprep {
 
 template <class T>
-class SpscRing {
+class SpscRing {  // see above
   static_assert(std::is_copy_assignable_v<T> && std::is_default_constructible_v<T>);
 
  public:
@@ -27,7 +27,7 @@ class SpscRing {
   SpscRing(const SpscRing&) = delete;
   SpscRing& operator=(const SpscRing&) = delete;
 
-  std::size_t capacity() const noexcept { return mask_ + 1; }
+  std::size_t capacity() const noexcept { return mask_ + 1; }  // items
 
   // The putting thread only. False if there is no room.
   bool push(const T& item) noexcept {
@@ -52,6 +52,15 @@ class SpscRing {
       taken_.store(at + 1, std::memory_order_release);
     }
     return end - first;
+  }
+
+  // The taking thread only: the one that waits longest. False if there is none.
+  bool pop(T& item) {
+    const std::size_t first = taken_.load(std::memory_order_relaxed);
+    if (first == put_.load(std::memory_order_acquire)) return false;
+    item = items_[first & mask_];
+    taken_.store(first + 1, std::memory_order_release);
+    return true;
   }
 
  private:

@@ -1,0 +1,92 @@
+#include "toothprep/step/session/intervals.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace toothprep {
+namespace {
+
+// Of BrickGrid::put_constant(), whose constants count from the one after the background.
+constexpr std::uint32_t kBackground = ~std::uint32_t{0};
+
+// The cut as it was, in the workpiece's own storage: what was reserved stays so.
+void restore_cut(Workpiece& workpiece, const LevelSet& wanted) {
+  LevelSet& cut = workpiece.cut();
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    const bool uniform = wanted.is_uniform(b);
+    if (uniform == cut.is_uniform(b) &&
+        std::equal(wanted.brick(b), wanted.brick(b) + (uniform ? 1 : kBrickVoxels), cut.brick(b)))
+      continue;
+    if (uniform)
+      cut.put_constant(
+          b, wanted.uniform_value(b) == wanted.background() ? kBackground : Workpiece::kAllCut);
+    else
+      std::copy_n(wanted.brick(b), kBrickVoxels, cut.writable_brick(b));
+    workpiece.changed().mark(b);
+  }
+}
+
+void add(const SessionTotals& more, SessionTotals& sum) {
+  sum.torque_work += more.torque_work;
+  add_removed(more.initial_overlap, sum.initial_overlap);
+  sum.stalled_steps += more.stalled_steps;
+  sum.stall_onsets += more.stall_onsets;
+  sum.contact_steps += more.contact_steps;
+  sum.rejected_steps += more.rejected_steps;
+  sum.shank_contact_steps += more.shank_contact_steps;
+  sum.split_steps += more.split_steps;
+  sum.split_steps_cut_short += more.split_steps_cut_short;
+  sum.unbalanced_steps += more.unbalanced_steps;
+  sum.way_without_contact = more.way_without_contact;
+  sum.largest_lag = std::max(sum.largest_lag, more.largest_lag);
+  sum.peak_device_force = std::max(sum.peak_device_force, more.peak_device_force);
+}
+
+}  // namespace
+
+void add_removed(const PerTissue<double>& before, PerTissue<double>& removed) noexcept {
+  for (int k = 0; k < kTissueCount; ++k) removed[k] += before[k];
+}
+
+Intervals::Intervals(Workpiece& workpiece, const Parameters& parameters, Drive drive)
+    : workpiece_(workpiece), parameters_(parameters), drive_(drive) {}
+
+Session& Intervals::begin(const Bur& bur, const HandleSample& first) {
+  Start start{workpiece_.cut(), removed_};
+  session_ = std::make_unique<Session>(bur, workpiece_, parameters_, drive_, first);
+  starts_.push_back(std::move(start));
+  if (starts_.size() > kMostUndos) starts_.pop_front();
+  return *session_;
+}
+
+void Intervals::end() {
+  add_removed(session_->totals().removed, removed_);
+  add_removed(session_->totals().removed, ground_);
+  add(session_->totals(), ended_);
+  session_.reset();
+}
+
+bool Intervals::undo() {
+  if (session_ || starts_.empty()) return false;
+  restore_cut(workpiece_, starts_.back().cut);
+  removed_ = starts_.back().removed;
+  starts_.pop_back();
+  return true;
+}
+
+SessionTotals Intervals::totals() const {
+  SessionTotals totals = ended_;
+  totals.removed = removed_;
+  if (!session_) return totals;
+  add(session_->totals(), totals);
+  add_removed(session_->totals().removed, totals.removed);
+  return totals;
+}
+
+PerTissue<double> Intervals::ground() const {
+  PerTissue<double> ground = ground_;
+  if (session_) add_removed(session_->totals().removed, ground);
+  return ground;
+}
+
+}  // namespace toothprep
