@@ -392,6 +392,7 @@ void SessionRecorder::fail(const char* why) noexcept {
   file_.reset();
   {
     const std::scoped_lock guard(mutex_);
+    failed_.store(true, std::memory_order_relaxed);  // before the reason can be read
     if (part_)
       std::snprintf(failure_.data(), failure_.size(), "%.*s; nothing was recorded",
                     static_cast<int>(failure_.size() - 64), why);
@@ -399,7 +400,6 @@ void SessionRecorder::fail(const char* why) noexcept {
       std::snprintf(failure_.data(), failure_.size(), "%.*s; its first %lld rows can be read",
                     static_cast<int>(failure_.size() - 64), why, static_cast<long long>(rows()));
   }
-  failed_.store(true, std::memory_order_relaxed);
 }
 
 }  // namespace toothprep
