@@ -18,6 +18,9 @@ from pathlib import Path
 
 import h5py
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from busy_machine import settled  # noqa: E402
+
 BINARY, LIBHD = (os.path.abspath(argument) for argument in sys.argv[1:3])
 SOURCE = Path(sys.argv[3]).resolve()
 STAND_IN = "lib/toothprep/proof/libhd_stand_in/README.md"
@@ -175,8 +178,8 @@ class Tool(unittest.TestCase):
 
     @classmethod
     def ok(cls, *args, **environment):
-        done = subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=120,
-                              env={**os.environ, **environment})
+        done = settled(lambda: subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=120,
+                                              env={**os.environ, **environment}), args, cls.folder)
         assert done.returncode == 0, f"{args}: {done.returncode}\n{done.stderr}"
         return done.stdout
 

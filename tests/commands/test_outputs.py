@@ -13,6 +13,10 @@ import sys
 import tempfile
 import time
 import unittest
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from busy_machine import settled  # noqa: E402
 
 BINARY = os.path.abspath(sys.argv[1])
 SOURCE = os.path.abspath(sys.argv[2])
@@ -156,8 +160,9 @@ class Outputs(unittest.TestCase):
 
     @classmethod
     def run_tool(cls, *args, **more):
-        return subprocess.run([BINARY, "-q", *args], cwd=cls.folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                              stderr=subprocess.PIPE, timeout=120, **more)
+        return settled(lambda: subprocess.run([BINARY, "-q", *args], cwd=cls.folder, stdin=subprocess.DEVNULL,
+                                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=120, **more),
+                       args, cls.folder)
 
     def each(self, *names):
         """Every command, and a subtest in a folder of its own that holds the command's inputs."""

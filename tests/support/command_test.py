@@ -12,6 +12,8 @@ import sys
 import tempfile
 import unittest
 
+from busy_machine import settled
+
 BINARY = os.path.abspath(sys.argv[1])
 
 
@@ -42,8 +44,8 @@ class CommandTest(unittest.TestCase):
 
     @classmethod
     def run_tool(cls, *args, **more):
-        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=cls.timeout_s,
-                              **more)
+        return settled(lambda: subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True,
+                                              timeout=cls.timeout_s, **more), args, cls.folder)
 
     @classmethod
     def run_ok(cls, *args, **more):
