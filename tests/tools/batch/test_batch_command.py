@@ -16,6 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
 from command_test import BINARY, CommandTest
+from tables import check_same_table
 
 MANIFEST = """
 [defaults]
@@ -60,10 +61,12 @@ class Batch(CommandTest):
         self.assertNotIn("realtime_factor", rows[0])
         self.assertEqual(sorted(os.listdir(self.path("out/shallow"))),
                          ["item.json", "log.txt", "prepared.vdb", "replay.json", "trace.h5"])
-        table = self.read("out/batch.csv") + self.read("out/batch.json")
+        columns = check_same_table(self, self.path("out"))
+        self.assertEqual(columns["steps"].dtype, "float64")  # a failed item has none
+        table = self.read("out/batch.csv") + self.read("out/batch.json") + self.read("out/batch.h5")
         # Another number at a time in another folder: the same bytes.
         self.run_tool("batch", "manifest.toml", "-o", "other", "--threads", "1")
-        self.assertEqual(self.read("other/batch.csv") + self.read("other/batch.json"), table)
+        self.assertEqual(self.read("other/batch.csv") + self.read("other/batch.json") + self.read("other/batch.h5"), table)
         self.assertEqual(self.read("other/deep/trace.h5"), self.read("out/deep/trace.h5"))
         # Mended, only that one runs.
         shutil.copy(self.path("paths/deep.toml"), self.path("paths/broken.toml"))
@@ -73,6 +76,8 @@ class Batch(CommandTest):
         with open(self.path("out/batch.json")) as f:
             items = json.load(f)["items"]
         self.assertEqual(items[1]["figures"], items[2]["figures"])
+        columns = check_same_table(self, self.path("out"))
+        self.assertEqual((columns["steps"].dtype, columns["plausible"].dtype), ("int64", "bool"))
 
     def test_interrupt_keeps_what_is_done(self):
         self.write("manifest.toml", MANIFEST.replace("broken", "long"))

@@ -91,7 +91,7 @@ class Slurm(unittest.TestCase):
 
     def assert_same_as_local(self):
         self.batch("-o", "near", "--quiet")
-        for name in ("batch.csv", "batch.json", "summary.csv"):
+        for name in ("batch.csv", "batch.json", "batch.h5", "summary.csv"):
             self.assertEqual(Path(self.work, "far", name).read_bytes(), Path(self.work, "near", name).read_bytes(), name)
         # Nothing ran twice to its end: one line for each item in all ledgers.
         lines = collections.Counter()

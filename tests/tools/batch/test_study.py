@@ -4,6 +4,7 @@ Usage: test_study.py BINARY PLOT_BATCH
 """
 import csv
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,10 +12,18 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import h5py
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "support"))
 from command_test import BINARY, CommandTest
+from tables import check_same_table
 
 PLOT = os.path.abspath(sys.argv[2])
+STUDY_PAGE = Path(__file__).resolve().parents[3] / "data/batch/study.md"
+try:
+    import pandas
+except ImportError:
+    pandas = None
 SWEEP = """
 [sweep]
 [sweep.over]
@@ -77,8 +86,26 @@ class Study(CommandTest):
         kept = {p.name for p in Path(self.path("out/points")).rglob("*") if p.is_file()}
         self.assertEqual(kept, {"item.json", "log.txt", "replay.json", "score.json", "tooth.vdb", "trajectory.toml"})
         self.assertIn("cut,removed_mm3.enamel,depth,0.2,2,", self.read("out/summary.csv").decode())
+        check_same_table(self, self.path("out"))
+        with h5py.File(self.path("out/batch.h5")) as table:
+            units = {name: table["items"][name].attrs.get("units") for name in table["items"]}
+        self.assertEqual((units["removed_mm3.enamel"], units["peak_force_n"], units["process.mean_feed_mm_s"],
+                          units["criteria.depth_mm.value"], units["criteria.depth_mm.points"], units["sweep.bur"]),
+                         ("mm^3", "N", "mm/s", "mm", None, None))
         for kind in (["--tornado"], ["--curve", "depth", "--by", "bur"], ["--heatmap", "depth,bur"]):
             self.plot(*kind)
+
+    @unittest.skipUnless(pandas, "python3-pandas is not installed")
+    def test_the_pages_line_opens_the_table_in_pandas(self):
+        self.batch("--quiet")
+        line = re.search(r"`(table = pandas.DataFrame\(.*\))`", STUDY_PAGE.read_text(encoding="utf-8")).group(1)
+        scope = {"pandas": pandas, "h5py": h5py}
+        exec(line.replace("results/", self.path("out/")), scope)  # the page's own line
+        table, text = scope["table"], pandas.read_csv(self.path("out/batch.csv"), keep_default_na=False)
+        self.assertEqual(list(table.columns), list(text.columns))
+        self.assertEqual(list(table["name"]), list(text["name"]))
+        removed = table[table.step == "cut"].groupby("sweep.bur")["removed_mm3.enamel"].mean()
+        self.assertEqual(sorted(removed.index), ["ball:D1.2", "cylinder:D0.8xL1.0"])
 
     def plot(self, *kind):
         line = [PLOT, "out", "--step", "cut", "--figure", "removed_mm3.enamel", "-o", f"{kind[0][2:]}.png"]

@@ -4,13 +4,13 @@
 #include <cerrno>
 #include <cstdio>
 #include <fstream>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/regular_file.h"
+#include "toothprep/tools/batch/item_columns.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/io/write_file.h"
@@ -66,66 +66,21 @@ ItemRows::ItemRows(std::vector<ItemRow> rows) : count_(rows.size()) {
 
 namespace {
 
-// The columns of a table, found in one pass over its rows.
-struct Columns {
-  std::vector<std::string> first, factors, others;
-  std::map<std::string, std::size_t> place;  // of the others; of `first`, too, where it counts not
-  bool steps = false;
-
-  explicit Columns(const ItemRows& rows) {
-    const std::vector<std::string> leading = {"points_percent", "passed"};
-    std::vector<bool> leads(leading.size(), false);
-    for (const ItemRow& row : rows) {
-      steps = steps || !row.step.empty();
-      for (const auto& [name, value] : row.swept)
-        if (std::find(factors.begin(), factors.end(), name) == factors.end())
-          factors.push_back(name);
-      for (const auto& [key, value] : row.figures) {
-        const auto lead = std::find(leading.begin(), leading.end(), key);
-        if (lead != leading.end())
-          leads[static_cast<std::size_t>(lead - leading.begin())] = true;
-        else if (place.emplace(key, others.size()).second)
-          others.push_back(key);
-      }
-    }
-    for (std::size_t k = 0; k < leading.size(); ++k)
-      if (leads[k]) first.push_back(leading[k]);
-  }
-
-  [[nodiscard]] std::string head() const {
-    std::string csv = "name,status";
-    for (const std::string& key : first) csv += "," + key;
-    csv += ",command,reason";
-    if (steps) csv += ",step";
-    for (const std::string& factor : factors) csv += "," + csv_cell("sweep." + factor);
-    for (const std::string& column : others) csv += "," + csv_cell(column);
-    return csv + '\n';
-  }
-
-  [[nodiscard]] std::string line(const ItemRow& row) const {
-    std::string csv = csv_cell(row.name) + "," + row.status;
-    for (const std::string& key : first) csv += "," + row.figure(key);
-    csv += "," + row.command + "," + csv_cell(row.reason);
-    if (steps) csv += "," + row.step;
-    for (const std::string& factor : factors) {
-      csv += ",";
-      for (const auto& [name, value] : row.swept)
-        if (name == factor) csv += decimal_number(value) ? value : csv_cell(value);
-    }
-    std::vector<std::string> cells(others.size());
-    for (const auto& [key, value] : row.figures)
-      if (const auto at = place.find(key); at != place.end()) cells[at->second] = value;
-    for (const std::string& cell : cells) csv += "," + cell;
-    return csv + '\n';
-  }
-};
-
 using Take = std::function<void(const std::string&)>;
 
 void csv_to(const ItemRows& rows, const Take& take) {
-  const Columns columns(rows);
-  take(columns.head());
-  for (const ItemRow& row : rows) take(columns.line(row));
+  const ItemColumns columns(rows);
+  const auto line = [&](const std::vector<std::string>& cells, bool head) {
+    std::string csv;
+    for (std::size_t k = 0; k < cells.size(); ++k) {
+      const bool plain = !head && !columns.is_text(k) &&
+                         (!columns.is_factor(k) || decimal_number(cells[k]).has_value());
+      csv += (k > 0 ? "," : "") + (plain ? cells[k] : csv_cell(cells[k]));
+    }
+    take(csv + '\n');
+  };
+  line(columns.names(), true);
+  for (const ItemRow& row : rows) line(columns.cells(row), false);
 }
 
 // The text of json_text() for the whole, a row at a time.

@@ -27,6 +27,7 @@
 #include "toothprep/tools/batch/item_store.h"
 #include "toothprep/tools/batch/ledger.h"
 #include "toothprep/tools/batch/summary.h"
+#include "toothprep/tools/batch/table_h5.h"
 #include "toothprep/tools/io/child_process.h"
 #include "toothprep/tools/io/memory_limit.h"
 #include "toothprep/tools/io/outputs.h"
@@ -105,6 +106,7 @@ class Batch {
     Outputs tables(true);
     const std::string csv = tables.file((dir_ / "batch.csv").string(), {".csv"});
     const std::string json = tables.file((dir_ / "batch.json").string(), {".json"});
+    const std::string h5 = tables.file((dir_ / "batch.h5").string(), {".h5"});
     const std::string page = tables.file((dir_ / "index.html").string(), {".html"});
     const std::string summary =
         m_.factors.empty() ? "" : tables.file((dir_ / "summary.csv").string(), {".csv"});
@@ -114,6 +116,7 @@ class Batch {
     if (done.interrupted) return done;
     write_table_csv(done.rows, csv);
     write_table_json(done.rows, o_.version, o_.build, json);
+    write_table_h5(done.rows, o_.version, o_.build, h5);
     write_file(page, index_page(done.rows, dir_.string(), o_.version));
     if (!summary.empty()) write_file(summary, summary_csv(done.rows));
     tables.publish();
@@ -143,7 +146,7 @@ class Batch {
     in.read(head.data(), static_cast<std::streamsize>(head.size()));
     const bool ours = head.find("\"schema\": \"toothprep-batch\"") != std::string::npos;
     std::error_code error;
-    for (const char* name : {"batch.csv", "batch.json", "index.html", "summary.csv"})
+    for (const char* name : {"batch.csv", "batch.json", "batch.h5", "index.html", "summary.csv"})
       if (!ours && fs::exists(fs::symlink_status(dir_ / name, error)))
         throw InputError((dir_ / name).string(), "",
                          "was not written by a batch, so it is not replaced",

@@ -5,7 +5,7 @@
 // item.json (the command line, SHA-256 of inputs and outputs, the program's version, status). An
 // item is done, and not run again, if its item.json says so for the same command line, inputs and
 // version, and its outputs still have their hashes. It runs when all that it needs is done.
-// DIR/batch.csv and DIR/batch.json have a row for each item, the same bytes however many ran at a
+// DIR/batch.csv, batch.json and batch.h5 have a row for each item, the same bytes however many ran at a
 // time, where, and whether they ran now or before.
 #pragma once
 
