@@ -16,6 +16,7 @@
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/batch/batch_plan.h"
+#include "toothprep/tools/batch/export_batch.h"
 #include "toothprep/tools/batch/run_batch.h"
 #include "toothprep/tools/batch/slurm.h"
 #include "toothprep/tools/io/child_process.h"
@@ -26,7 +27,7 @@ namespace {
 
 struct Options {
   std::string manifest, output;
-  std::string only;
+  std::string only, export_as;
   bool redo = false, strict = false, status = false, retry_failed = false, dry_run = false;
   std::string runner = "local", work_on;
   bool wait = false, collect = false;
@@ -65,17 +66,24 @@ const CLI::App* command_named(const CLI::App& app, const std::string& name) {
   return nullptr;
 }
 
+// The names of all options, also of those in groups.
+void add_options(const CLI::App& app, std::vector<std::string>& names) {
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) names.push_back(name);
+    if (option->get_lnames().empty() && option->get_positional())
+      names.push_back(option->get_name());
+  }
+  for (const CLI::App* group : app.get_subcommands([](const CLI::App*) { return true; }))
+    if (group->get_name().empty()) add_options(*group, names);
+}
+
 // The commands that this program has, with their options as they really are.
 std::vector<BatchCommand> commands_of(const CLI::App& app) {
   std::vector<BatchCommand> commands;
   for (BatchCommand command : batch_commands()) {
     const CLI::App* sub = command_named(app, command.name);
     if (!sub) continue;
-    for (const CLI::Option* option : sub->get_options()) {
-      for (const std::string& name : option->get_lnames()) command.options.push_back(name);
-      if (option->get_lnames().empty() && option->get_positional())
-        command.options.push_back(option->get_name());
-    }
+    add_options(*sub, command.options);
     commands.push_back(std::move(command));
   }
   return commands;
@@ -251,6 +259,11 @@ void run(const Options& o, CLI::App& app, const Common& common) {
   BatchOptions options = options_of(o, common);
   options.starter = &starter;
   options.warn = warn;
+  if (!o.export_as.empty()) {
+    std::cout << (o.export_as == "commands" ? shell_commands(manifest, options)
+                                            : snakefile(manifest, options));
+    return;
+  }
   if (o.status) return print_status(o, manifest, options);
   const SignalGuard guard;
   if (o.dry_run) {
@@ -289,6 +302,10 @@ void add_batch(CLI::App& app, const Common& common) {
   sub->add_flag("--status", o->status, "Print what is done, and run nothing");
   sub->add_flag("--dry-run", o->dry_run,
                 "Run one item of each kind in a temporary folder, and print what all will take");
+  sub->add_option("--export", o->export_as,
+                  "Run nothing; print the items as lines of sh (commands), or as a Snakefile")
+      ->check(CLI::IsMember({"commands", "snakemake"}))
+      ->excludes("--redo", "--only", "--retry-failed", "--status", "--dry-run");
   sub->add_option("--runner", o->runner, "Where items run: here, or as jobs of a cluster")
       ->check(CLI::IsMember({"local", "slurm"}))
       ->capture_default_str();

@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "toothprep/tools/batch/run_batch.h"
+#include "toothprep/tools/batch/table_h5.h"
 #include "toothprep/tools/io/child_process.h"
 
 namespace {
@@ -98,5 +99,23 @@ void BM_ItemsThatAreDone(benchmark::State& state) {
   report(state);
 }
 BENCHMARK(BM_ItemsThatAreDone)->Iterations(1)->UseRealTime()->Unit(benchmark::kSecond);
+
+// batch.h5 of a large study: rows of 40 figures. TOOTHPREP_TABLE names the file to keep.
+void BM_TableH5(benchmark::State& state) {
+  const ItemRows rows(items(), [](std::size_t i) {
+    ItemRow row{"cut-" + std::to_string(1000000 + i), "replay", "done", "", {}};
+    for (int k = 0; k < 40; ++k)
+      row.figures.emplace_back("figure_" + std::to_string(k) + "_mm",
+                               std::to_string(static_cast<double>(i * (k + 1) % 7919) / 7));
+    return row;
+  });
+  const char* kept = std::getenv("TOOTHPREP_TABLE");
+  const std::string path =
+      kept ? kept : (fs::temp_directory_path() / "toothprep-bench-table.h5").string();
+  for (auto _ : state) write_table_h5(rows, "1", "", path);
+  state.counters["MB"] = static_cast<double>(fs::file_size(path)) / 1e6;
+  if (!kept) fs::remove(path);
+}
+BENCHMARK(BM_TableH5)->Iterations(1)->Unit(benchmark::kSecond);
 
 }  // namespace

@@ -249,6 +249,7 @@ class Reader {
         throw InputError(where_, argument.place, "there is no file " + path,
                          "paths are relative to the manifest");
       manifest_.texts.push_back(read_small_text(path));
+      manifest_.text_files.push_back(path);
     }
     return place->second;
   }
@@ -267,7 +268,7 @@ class Reader {
     if (std::any_of(name.begin(), name.end(), [](unsigned char c) { return c < 32 || c == 127; }))
       refuse("holds a control character");
     if (name.ends_with(".part") || name == "batch.csv" || name == "batch.json" ||
-        name == "summary.csv" || name == "index.html" || name == "points")
+        name == "batch.h5" || name == "summary.csv" || name == "index.html" || name == "points")
       refuse("is one that the batch itself uses");
     if (!names_.insert(name).second) refuse("is used twice");
   }

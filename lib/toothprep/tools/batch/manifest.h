@@ -68,11 +68,12 @@ struct BatchItem {
 
 struct BatchManifest {
   std::vector<BatchCommand> commands;
-  std::vector<BatchItem> items;    // at least one; names are unique and good names of folders
-  std::vector<Factor> factors;     // of the sweep; the last is "repeat" if there is one
-  std::vector<std::string> texts;  // that are filled in
-  std::size_t points = 0;          // of the sweep
-  std::string base;                // the manifest's folder
+  std::vector<BatchItem> items;         // at least one; names are unique and good names of folders
+  std::vector<Factor> factors;          // of the sweep; the last is "repeat" if there is one
+  std::vector<std::string> texts;       // that are filled in
+  std::vector<std::string> text_files;  // where they stand, absolute
+  std::size_t points = 0;               // of the sweep
+  std::string base;                     // the manifest's folder
 };
 
 // The text with {FACTOR} replaced by the item's values.

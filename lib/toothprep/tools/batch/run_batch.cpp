@@ -23,6 +23,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/batch/claims.h"
+#include "toothprep/tools/batch/export_batch.h"
 #include "toothprep/tools/batch/index_page.h"
 #include "toothprep/tools/batch/item_store.h"
 #include "toothprep/tools/batch/ledger.h"
@@ -351,15 +352,8 @@ class Batch {
     r.identity = std::move(identity);
     r.part = part_of(i);
     store_.fill(i, r.part->path());
-    const std::size_t space = command.name.find(' ');
-    std::vector<std::string> line = {o_.program, command.name.substr(0, space)};
-    line.insert(line.end(), o_.program_arguments.begin(), o_.program_arguments.end());
-    if (space != std::string::npos) line.push_back(command.name.substr(space + 1));
-    line.insert(line.end(), command.always.begin(), command.always.end());
-    std::vector<std::string> arguments = item.arguments;
-    for (const BatchInput& input : item.inputs)
-      if (input.item) arguments[input.argument] = input.before + store_.path_of(input);
-    line.insert(line.end(), arguments.begin(), arguments.end());
+    const std::vector<std::string> line =
+        item_command(m_, i, o_, [&](const BatchInput& input) { return store_.path_of(input); });
     const std::string folder = r.part->path(), log = folder + "/log.txt";
     r.start = Clock::now();
     r.child = std::make_unique<ChildProcess>(

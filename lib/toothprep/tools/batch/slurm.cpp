@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/batch/export_batch.h"
 #include "toothprep/tools/io/child_process.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/part.h"
@@ -176,41 +177,6 @@ std::vector<std::vector<std::size_t>> tasks_of(const BatchManifest& m, const Slu
   return tasks;
 }
 
-// The items that are left by the depth of their needs among them.
-std::vector<std::vector<std::size_t>> depths_of(const BatchManifest& m,
-                                                const std::vector<std::size_t>& left) {
-  constexpr std::size_t kNone = static_cast<std::size_t>(-1);
-  std::vector<std::size_t> depth(m.items.size(), kNone);
-  std::vector<bool> is_left(m.items.size(), false);
-  for (const std::size_t i : left) is_left[i] = true;
-  std::vector<std::vector<std::size_t>> depths;
-  for (const std::size_t first : left) {
-    std::vector<std::size_t> open = {first};  // what it needs comes first
-    while (!open.empty()) {
-      const std::size_t i = open.back();
-      std::size_t own = 0;
-      bool ready = true;
-      for (const std::size_t need : m.items[i].needs) {
-        if (!is_left[need]) continue;
-        if (depth[need] == kNone) {
-          open.push_back(need);
-          ready = false;
-        } else {
-          own = std::max(own, depth[need] + 1);
-        }
-      }
-      if (!ready) continue;
-      open.pop_back();
-      if (depth[i] != kNone) continue;
-      depth[i] = own;
-      if (depths.size() <= own) depths.resize(own + 1);
-      depths[own].push_back(i);
-    }
-  }
-  for (auto& items : depths) std::sort(items.begin(), items.end());
-  return depths;
-}
-
 std::size_t most_array_tasks() {
   const Answer answer = ask_slurm({"scontrol", "show", "config"});
   const std::size_t at = answer.text.find("MaxArraySize");
@@ -236,7 +202,7 @@ void submit_round(const BatchManifest& m, const BatchOptions& o, const SlurmOpti
   const auto seconds = known_seconds(m, known);
   const std::string log = "--output=" + lists.string() + "/";
   std::string before;
-  const auto depths = depths_of(m, known.left);
+  const auto depths = items_by_level(m, known.left);
   try {
     for (std::size_t d = 0; d < depths.size(); ++d) {
       const auto tasks = tasks_of(m, s, depths[d], seconds, o.at_once, most);
