@@ -9,6 +9,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/mesh/sharp_surface.h"
+#include "toothprep/tools/models/model_file.h"
 
 namespace toothprep::app {
 namespace {
@@ -27,7 +28,8 @@ const std::map<std::string, SurfaceOf> kSurfaces = {{"all", SurfaceOf::kAll},
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.tooth});
-  const std::string output = outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk"});
+  const std::string output =
+      outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk", ".glb", ".3mf"});
   outputs.begin();
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
   const bool sharp = tooth.parts && o.tissue == "all";
@@ -37,7 +39,7 @@ void run(const Options& o, const Common& common) {
     throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",
                      "nothing remains, so there is no surface",
                      o.tissue == "all" ? "" : "choose another --tissue");
-  write_mesh(mesh, output);
+  is_model_name(output) ? write_model(mesh, output) : write_mesh(mesh, output);
   outputs.publish();
   say(common, fmt::format("{}: {} triangles around {:.4g} mm^3{}", o.output, mesh.triangles.size(),
                           mesh_volume_mm3(mesh), o.tissue == "all" ? "" : " of " + o.tissue));
@@ -46,11 +48,13 @@ void run(const Options& o, const Common& common) {
 }  // namespace
 
 void add_mesh(CLI::App& app, const Common& common) {
-  auto* sub = app.add_subcommand("mesh", "Surface of a tooth as PLY, STL or OBJ");
+  auto* sub = app.add_subcommand("mesh", "Surface of a tooth as PLY, STL, OBJ, glTF or 3MF");
   const auto o = std::make_shared<Options>();
   sub->add_option("tooth", o->tooth, "Tooth file (.vdb)")->required();
-  sub->add_option("-o,--output", o->output,
-                  "Mesh to write: .ply (with the tissue of each vertex), .stl or .obj; in mm")
+  sub->add_option(
+         "-o,--output", o->output,
+         "Mesh to write, in mm: .ply (with the tissue of each vertex), .stl or .obj; in the "
+         "tissues' colours: .glb (glTF, in metres) or .3mf")
       ->required();
   sub->add_option("--tissue", o->tissue, "Surface of all that remains, or of one tissue")
       ->check(CLI::IsMember({"all", "enamel", "dentin", "pulp"}))

@@ -11,7 +11,7 @@ set(TOOTHPREP_OF_mesh mesh mesh_files)
 set(TOOTHPREP_OF_scan scan_files segmentation shells)
 set(TOOTHPREP_OF_calibrate calibrate)
 set(TOOTHPREP_OF_score score)
-set(TOOTHPREP_OF_render render)
+set(TOOTHPREP_OF_render render models)
 set(TOOTHPREP_OF_live live_session)
 
 include(GNUInstallDirs)

@@ -93,6 +93,8 @@ COMMANDS = {
     "mesh ply": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.ply", False)),
     "mesh stl": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.stl", False)),
     "mesh obj": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.obj", False)),
+    "mesh glb": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.glb", False)),
+    "mesh 3mf": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.3mf", False)),
     "render png": Command(["render", "block.vdb", "--size", "160x120", "--samples", "1", "--reference", "block.stl"],
                           ["block.vdb", "block.stl"], ("-o", "new.png", False)),
     "render exr": Command(["render", "block.vdb", "--size", "160x120", "--samples", "1"], ["block.vdb"],

@@ -32,6 +32,7 @@ HEAVY = {
     "OpenEXR": ["lib/toothprep/tools/render"],
     "Imf": ["lib/toothprep/tools/render"],
     "png": ["lib/toothprep/tools/render"],
+    "archive": ["lib/toothprep/tools/models"],
     "CLI/": ["apps"],
     "pybind11": ["lib/python"],
     "openssl": ["lib/toothprep/step/core"],
