@@ -76,6 +76,22 @@ TEST(Experiment, WhatIsWrongIsNamedByItsKey) {
       {whole + "[[run]]\nname = 'a'\nafter = 'b'", "run[0].after: \"b\" is no earlier run"},
       {"kind = 'literal'\nbur = 'ball:D1'\ntrajectory = 'p'", "literal: is missing"},
       {"kind = 'closed-loop'\nbur = 'ball:D1'\ntrajectory = 'p'", "map: is missing"},
+      {"kind = 'feasibility'\nbur = 'ball:D1'\ntrajectory = 'p'", "map: is missing"},
+      {"kind = 'feasibility'\n[map]\nengaged_mm = [1.0]", "map.rotation_rates_rev_s: is missing"},
+      {"kind = 'ablations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\nlayers = 'one'",
+       "layers: \"one\" is not known"},
+      {"kind = 'ablations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\nlayers = 'met'\n"
+       "engine = 'levelset'",
+       "layers: must be \"two\""},
+      {"kind = 'ablations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\nfilter_hz = 3",
+       "filter_hz: is of direct drive only"},
+      {"kind = 'ablations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\ndrive = 'direct'\n"
+       "integrator = 'explicit'",
+       "integrator: must be \"backward\""},
+      {"kind = 'preparations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\n"
+       "block = { enamel_mm = 1.0 }",
+       "block: stands at the top"},
+      {whole + "[[run]]\nname = 'a'\nlayers = 'met'", "layers"},
       {whole + "[device]\napparent_mass_g = -1", "mass"},
       {whole + "[hand]\nstiffness_n_per_m = nan", "stiffness"},
       {whole + "[map]\ndampings_n_s_per_m = [0.0]", "map.dampings_n_s_per_m: must be positive"},
@@ -93,14 +109,20 @@ TEST(Experiment, RunsInheritWhatStandsAtTheTop) {
   const ScratchFolder folder("inherit");
   folder.write("mine/experiment.toml",
                "kind = 'stall'\nbur = 'ball:D1.2'\nparams = 'p.toml'\n"
+               "block = { size_mm = [4.0, 5.0, 6.0], enamel_mm = 3.0 }\n"
                "[[run]]\nname = 'one'\ntrajectory = 'a.toml'\n"
-               "[[run]]\nname = 'two'\ntrajectory = 'b.toml'\nbur = 'ball:D1.0'\nafter = 'one'\n");
+               "[[run]]\nname = 'two'\ntrajectory = 'b.toml'\nbur = 'ball:D1.0'\nafter = 'one'\n"
+               "block = { enamel_mm = 1.0 }\n");
   const Experiment e = read_experiment(folder / "mine");
   ASSERT_EQ(e.runs.size(), 2u);
   EXPECT_EQ(e.runs[0].bur, "ball:D1.2");
   EXPECT_EQ(e.runs[1].bur, "ball:D1.0");
   EXPECT_EQ(e.runs[1].params, folder / "mine/p.toml");
   EXPECT_EQ(e.runs[1].after, "one");
+  EXPECT_EQ(e.runs[0].block.enamel, 3.0);
+  EXPECT_EQ(e.runs[0].block.size, Vec3(4, 5, 6));
+  EXPECT_EQ(e.runs[1].block.enamel, 1.0);
+  EXPECT_EQ(e.runs[1].block.size, Vec3(4, 5, 6));
 }
 
 TEST(Experiment, ItsParametersWinOverTheUsersAndOthersStay) {

@@ -132,7 +132,7 @@ FigureReport droop_figure(const Experiment& experiment, FigureContext& context) 
                       Parameters p = parameters_of(run, o.base);
                       p.engine = o.engines.front();
                       outcomes[i] =
-                          run_on(run, p, make_specimen(experiment, o.voxel), o.bur_library);
+                          run_on(run, p, make_specimen(experiment, run, o.voxel), o.bur_library);
                     }});
   context.run(jobs);
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
@@ -145,8 +145,7 @@ FigureReport droop_figure(const Experiment& experiment, FigureContext& context) 
       const std::vector<HandleSample> path = path_of(run, outcome.parameters);
       Exact drooped;
       claim_imposed_feed(figure, outcome,
-                         exact_answer(experiment, run, outcome.parameters, path, o.bur_library),
-                         drooped);
+                         exact_answer(run, outcome.parameters, path, o.bur_library), drooped);
       exact_file = context.write_exact(experiment, run.name + "-exact", path, drooped);
       report.exact = exact_file;
     } else {

@@ -1,6 +1,7 @@
 #include "toothprep/proof/figures/experiment.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "toothprep/step/core/strict_toml.h"
@@ -9,6 +10,8 @@ namespace toothprep::figures {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kFromPerMetre = 1e-3;  // N·s/m and N/m to N·s/mm and N/mm
 
 const std::vector<std::pair<std::string, Kind>> kKinds = {
     {"plateaus", Kind::kPlateaus},
@@ -20,6 +23,8 @@ const std::vector<std::pair<std::string, Kind>> kKinds = {
     {"literal", Kind::kLiteral},
     {"droop", Kind::kDroop},
     {"passes", Kind::kPasses},
+    {"ablations", Kind::kAblations},
+    {"feasibility", Kind::kFeasibility},
     {"validation", Kind::kValidation}};
 
 std::string beside(const std::string& folder, const std::string& file) {
@@ -31,6 +36,15 @@ bool is_plain_name(const std::string& name) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
            c == '_';
   });
+}
+
+void read_block(StrictTable& table, const Experiment& e, BlockOptions& block) {
+  auto given = table.table("block");
+  if (!given) return;
+  if (e.molar) table.refuse("block", "stands beside specimen = \"molar\"");
+  if (const auto x = given->vector("size_mm")) block.size = *x;
+  if (const auto x = given->number("enamel_mm")) block.enamel = *x;
+  given->done();
 }
 
 // The keys that a run may have, over what stands at the top.
@@ -60,6 +74,102 @@ std::vector<double> positive(StrictTable& table, const std::string& key, double 
   return values;
 }
 
+// What a run of kind "ablations" takes out.
+void read_ablation(StrictTable& table, Run& run) {
+  if (const auto x = table.choice("engine", {"levelset", "voxel"}))
+    run.engine = *x == "voxel" ? EngineKind::kVoxel : EngineKind::kLevelset;
+  if (const auto x = table.choice("layers", {"two", "met", "inside"}))
+    run.ablation.layers = *x == "two" ? Layers::kTwo : *x == "met" ? Layers::kMet : Layers::kInside;
+  if (const auto x = table.choice("integrator", {"backward", "semi-implicit", "explicit"}))
+    run.ablation.integrator = *x == "backward"   ? Integrator::kBackward
+                              : *x == "explicit" ? Integrator::kExplicit
+                                                 : Integrator::kSemiImplicit;
+  if (const auto x = table.number("filter_hz")) run.ablation.filter_hz = *x;
+  if (!(run.ablation.filter_hz >= 0)) table.refuse("filter_hz", "must not be negative");
+  if (run.ablation.layers != Layers::kTwo && run.engine != EngineKind::kVoxel)
+    table.refuse("layers", "must be \"two\" with engine = \"levelset\"");
+  if (run.ablation.integrator != Integrator::kBackward && run.drive != Drive::kCoupled)
+    table.refuse("integrator", "must be \"backward\" in direct drive, which integrates nothing");
+  if (run.ablation.filter_hz > 0 && run.drive != Drive::kDirect)
+    table.refuse("filter_hz", "is of direct drive only");
+}
+
+// The [[run]] tables, over what stands at the top.
+void read_runs(StrictTable& root, const std::string& folder, const Run& top, Experiment& e) {
+  if (auto tables = root.tables("run")) {
+    for (StrictTable& table : *tables) {
+      Run run = top;
+      const auto name = table.text("name");
+      if (!name) table.missing("name", "\"first\"");
+      if (!is_plain_name(*name))
+        table.refuse("name", "must be letters, digits and hyphens: it names files");
+      run.name = *name;
+      run.title = table.text("title").value_or(run.name);
+      read_run(table, folder, run);
+      if (e.kind == Kind::kPreparations && table.has("block"))
+        table.refuse("block", "stands at the top, for all runs");
+      read_block(table, e, run.block);
+      if (e.kind == Kind::kAblations) read_ablation(table, run);
+      const auto named = [&](const std::string& other) {
+        return std::any_of(e.runs.begin(), e.runs.end(),
+                           [&](const Run& r) { return r.name == other; });
+      };
+      if (named(run.name)) table.refuse("name", "\"" + run.name + "\" stands twice");
+      if (!run.after.empty() && !named(run.after))
+        table.refuse("after", "\"" + run.after + "\" is no earlier run");
+      require_complete(table, run, e.kind);
+      table.done();
+      e.runs.push_back(run);
+    }
+  }
+}
+
+void read_device_and_hand(StrictTable& root, Experiment& e) {
+  if (auto device = root.table("device")) {
+    if (const auto x = device->number("apparent_mass_g"))
+      e.device.apparent_mass = units::from_gram(*x);
+    if (const auto x = device->number("damping_n_s_per_m")) e.device.damping = *x * kFromPerMetre;
+    if (const auto x = device->number("friction_n")) e.device.friction = *x;
+    if (const auto x = device->number("encoder_count_mm")) e.device.encoder_count = *x;
+    if (const auto x = device->number("force_limit_n")) e.device.force_limit = *x;
+    if (const auto x = device->integer("delay_ticks"))
+      e.device.delay_ticks = static_cast<int>(std::clamp<std::int64_t>(*x, -1, 1000));
+    device->done();
+  }
+  if (auto hand = root.table("hand")) {
+    if (const auto x = hand->number("mass_g")) e.hand.mass = units::from_gram(*x);
+    if (const auto x = hand->number("stiffness_n_per_m")) e.hand.stiffness = *x * kFromPerMetre;
+    if (const auto x = hand->number("damping_n_s_per_m")) e.hand.damping = *x * kFromPerMetre;
+    hand->done();
+  }
+}
+
+void read_feasibility(StrictTable& root, Feasibility& f) {
+  auto map = root.table("map");
+  if (!map) root.missing("map", "... a table [map]");
+  f.rotation_rates = positive(*map, "rotation_rates_rev_s", 1);
+  f.stiffnesses = positive(*map, "stiffnesses_n_per_mm", 1);
+  f.engaged = positive(*map, "engaged_mm", 1);
+  map->done();
+  const auto read = [](StrictTable& table, const char* key, double& value) {
+    if (const auto x = table.number(key)) value = *x;
+    if (!(value > 0) || !std::isfinite(value)) table.refuse(key, "must be positive");
+  };
+  if (auto stated = root.table("stated")) {
+    read(*stated, "stall_torque_mnm", f.stall_torque);
+    read(*stated, "stall_speed_mm_s", f.stall_speed);
+    read(*stated, "resistance_n_s_per_mm", f.resistance);
+    read(*stated, "direct_limit_n_s_per_mm", f.direct_limit);
+    stated->done();
+  }
+  if (auto ours = root.table("thresholds")) {
+    read(*ours, "stall_speed_percent", f.stall_speed_percent);
+    read(*ours, "resistance_percent", f.resistance_percent);
+    read(*ours, "peak_percent", f.peak_percent);
+    ours->done();
+  }
+}
+
 }  // namespace
 
 Experiment read_experiment(const std::string& folder) {
@@ -87,30 +197,11 @@ Experiment read_experiment(const std::string& folder) {
     return e;
   }
   e.molar = root.choice("specimen", {"block", "molar"}).value_or("block") == "molar";
-  if (auto block = root.table("block")) {
-    if (e.molar) root.refuse("block", "stands beside specimen = \"molar\"");
-    if (const auto x = block->vector("size_mm")) e.block.size = *x;
-    if (const auto x = block->number("enamel_mm")) e.block.enamel = *x;
-    block->done();
-  }
-  constexpr double kPerMetre = 1e-3;  // N·s/m and N/m to N·s/mm and N/mm
-  if (auto device = root.table("device")) {
-    if (const auto x = device->number("apparent_mass_g"))
-      e.device.apparent_mass = units::from_gram(*x);
-    if (const auto x = device->number("damping_n_s_per_m")) e.device.damping = *x * kPerMetre;
-    if (const auto x = device->number("friction_n")) e.device.friction = *x;
-    if (const auto x = device->number("encoder_count_mm")) e.device.encoder_count = *x;
-    if (const auto x = device->number("force_limit_n")) e.device.force_limit = *x;
-    if (const auto x = device->integer("delay_ticks"))
-      e.device.delay_ticks = static_cast<int>(std::clamp<std::int64_t>(*x, -1, 1000));
-    device->done();
-  }
-  if (auto hand = root.table("hand")) {
-    if (const auto x = hand->number("mass_g")) e.hand.mass = units::from_gram(*x);
-    if (const auto x = hand->number("stiffness_n_per_m")) e.hand.stiffness = *x * kPerMetre;
-    if (const auto x = hand->number("damping_n_s_per_m")) e.hand.damping = *x * kPerMetre;
-    hand->done();
-  }
+  Run top;
+  top.name = "run";
+  top.title = e.title;
+  read_block(root, e, top.block);
+  read_device_and_hand(root, e);
   try {
     validate(e.device);
     validate(e.hand);
@@ -119,8 +210,10 @@ Experiment read_experiment(const std::string& folder) {
   } catch (const Error& error) {
     throw InputError(file, "", error.what());
   }
-  if (auto map = root.table("map")) {
-    e.map.dampings = positive(*map, "dampings_n_s_per_m", kPerMetre);
+  if (e.kind == Kind::kFeasibility) {
+    read_feasibility(root, e.feasibility);
+  } else if (auto map = root.table("map")) {
+    e.map.dampings = positive(*map, "dampings_n_s_per_m", kFromPerMetre);
     e.map.masses = positive(*map, "apparent_masses_g", units::from_gram(1));
     e.map.stiffnesses = positive(*map, "stiffnesses_n_per_mm", 1);
     map->done();
@@ -128,32 +221,8 @@ Experiment read_experiment(const std::string& folder) {
     root.missing("map", "... a table [map]");
   }
 
-  Run top;
-  top.name = "run";
-  top.title = e.title;
   read_run(root, folder, top);
-  if (auto tables = root.tables("run")) {
-    for (StrictTable& table : *tables) {
-      Run run = top;
-      const auto name = table.text("name");
-      if (!name) table.missing("name", "\"first\"");
-      if (!is_plain_name(*name))
-        table.refuse("name", "must be letters, digits and hyphens: it names files");
-      run.name = *name;
-      run.title = table.text("title").value_or(run.name);
-      read_run(table, folder, run);
-      const auto named = [&](const std::string& other) {
-        return std::any_of(e.runs.begin(), e.runs.end(),
-                           [&](const Run& r) { return r.name == other; });
-      };
-      if (named(run.name)) table.refuse("name", "\"" + run.name + "\" stands twice");
-      if (!run.after.empty() && !named(run.after))
-        table.refuse("after", "\"" + run.after + "\" is no earlier run");
-      require_complete(table, run, e.kind);
-      table.done();
-      e.runs.push_back(run);
-    }
-  }
+  read_runs(root, folder, top, e);
   if (e.runs.empty()) {
     require_complete(root, top, e.kind);
     e.runs.push_back(top);

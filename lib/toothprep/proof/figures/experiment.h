@@ -9,10 +9,12 @@
 //   trajectory, params    files, beside this one or by path; `params` may be absent
 //   specimen   "block" (default) with a table [block]: size_mm, enamel_mm; or "molar"
 //   [[run]]    one each for experiments of several: name, title, and any of drive, bur, trajectory,
-//              params; `after` names the run whose prepared tooth it starts from, `literal` (kind
+//              params, block; `after` names the run whose prepared tooth it starts from, `literal` (kind
 //              "literal") the parameters of the literal reading, over `params`
 //   [device], [hand], [map]   kind "closed-loop": the simulated device and hand, and the grid of
-//              its map of stability
+//              its map of stability; the first two also of kind "ablations", whose runs have
+//              `engine`, `layers`, `integrator` and `filter_hz` besides
+//   [device], [hand], [map], [stated], [thresholds]   kind "feasibility": see Feasibility
 //   measurements   kind "validation": the folder of the tests, in place of all but title and kind
 #pragma once
 
@@ -20,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "toothprep/proof/figures/ablation.h"
 #include "toothprep/proof/specimen/block.h"
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/tools/device/simulated_phantom.h"
@@ -36,6 +39,8 @@ enum class Kind {
   kLiteral,              // both readings of the paper
   kDroop,                // both collapses of a drooping handpiece
   kPasses,               // work and force of overlapping straight passes
+  kAblations,            // the paper's arguments: its method with parts taken out
+  kFeasibility,          // figure 13 as the paper set it up, and what it states at once
   kValidation            // published cutting tests
 };
 
@@ -44,10 +49,13 @@ struct Run {
   std::string title;  // in words
   Drive drive = Drive::kCoupled;
   std::string bur;
-  std::string trajectory;  // path
-  std::string params;      // path; empty: none
-  std::string literal;     // path
-  std::string after;       // name of an earlier run
+  std::string trajectory;                  // path
+  std::string params;                      // path; empty: none
+  std::string literal;                     // path
+  std::string after;                       // name of an earlier run
+  BlockOptions block;                      // without voxel size
+  Ablation ablation;                       // kind "ablations"
+  EngineKind engine = EngineKind::kVoxel;  // of the same kind; elsewhere the command line's
 };
 
 struct StabilityGrid {
@@ -56,16 +64,31 @@ struct StabilityGrid {
   std::vector<double> stiffnesses;  // N/mm
 };
 
+// What the paper states about one bur in one tissue, thresholds of our own for its words ("near",
+// "small"), and the grid of what it leaves open.
+struct Feasibility {
+  double stall_torque = 1.2;           // N·mm
+  double stall_speed = 0.7;            // mm/s, in enamel, at that torque
+  double resistance = 4;               // N·s/mm, of "a tooth"
+  double direct_limit = 0.01;          // N·s/mm, what direct rendering renders stably
+  double stall_speed_percent = 7;      // ours: this near
+  double resistance_percent = 10;      // ours: this near
+  double peak_percent = 90;            // ours: of the plateau, at least, for a small difference
+  std::vector<double> rotation_rates;  // N, rev/s
+  std::vector<double> stiffnesses;     // k, N/mm
+  std::vector<double> engaged;         // length of the bur in tissue, mm
+};
+
 struct Experiment {
   std::string name;  // of the folder
   std::string title;
   Kind kind = Kind::kPlateaus;
   bool molar = false;
-  BlockOptions block;     // without voxel size
   std::vector<Run> runs;  // at least one
   PhantomModel device;
   HandModel hand;
   StabilityGrid map;
+  Feasibility feasibility;   // kind "feasibility"
   std::string measurements;  // folder of the cutting tests (cutting_test.h); kind "validation"
 };
 

@@ -227,7 +227,7 @@ void claim_accuracy(FigureReport& figure, const Run& run, const std::vector<Vari
       run.drive == Drive::kDirect)
     figure.claims.push_back(
         bound("The level-set engine has less voxel effect", "levelset",
-              "voxel engine's over level-set engine's", "1", "aim", kLessVoxelEffect,
+              "voxel engine's over level-set engine's", "1", "ten: ours", kLessVoxelEffect,
               main[1]->voxel_effect_percent / main[0]->voxel_effect_percent, true));
 }
 
@@ -240,7 +240,7 @@ FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
     const Parameters parameters = parameters_of(run, o.base);
     const Bur bur = make_bur(run.bur, o.bur_library);
     const std::vector<HandleSample> path = path_of(run, parameters);
-    const Exact exact = exact_answer(experiment, run, parameters, path, o.bur_library);
+    const Exact exact = exact_answer(run, parameters, path, o.bur_library);
 
     std::vector<Variant> variants;
     for (const EngineKind engine : o.engines)
@@ -259,8 +259,9 @@ FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
                         if (p.engine != EngineKind::kVoxel) p.trailing_elements = false;
                         try {
                           p.element_size = element_size(bur, p) * variant->voxel / o.voxel;
-                          Outcome outcome = run_on(
-                              run, p, make_specimen(experiment, variant->voxel), o.bur_library);
+                          Outcome outcome =
+                              run_on(run, p, make_specimen(experiment, run, variant->voxel),
+                                     o.bur_library);
                           variant->report = report_of(run, outcome, variant->voxel, &exact);
                           if (variant->main) variant->outcome = std::move(outcome);
                         } catch (const Error&) {

@@ -164,10 +164,12 @@ int replays_of(const Experiment& experiment, const FigureOptions& options) {
     case Kind::kStall:
       return engines * runs;
     case Kind::kLiteral:
+    case Kind::kAblations:
     case Kind::kPasses:
       return 2 * runs;
     case Kind::kClosedLoop:
       return 3;
+    case Kind::kFeasibility:
     case Kind::kPreparations:
     case Kind::kDroop:
       return runs;

@@ -64,6 +64,8 @@ FigureReport preparation_figure(const Experiment& experiment, FigureContext& con
 FigureReport literal_figure(const Experiment& experiment, FigureContext& context);
 FigureReport droop_figure(const Experiment& experiment, FigureContext& context);
 FigureReport passes_figure(const Experiment& experiment, FigureContext& context);
+FigureReport ablation_figure(const Experiment& experiment, FigureContext& context);
+FigureReport feasibility_figure(const Experiment& experiment, FigureContext& context);
 FigureReport validation_figure(const Experiment& experiment, FigureContext& context);
 
 }  // namespace toothprep::figures

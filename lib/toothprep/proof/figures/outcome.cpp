@@ -60,9 +60,9 @@ Scale scale_of(const Exact& exact) {
 
 }  // namespace
 
-LayeredTooth make_specimen(const Experiment& experiment, double voxel) {
+LayeredTooth make_specimen(const Experiment& experiment, const Run& run, double voxel) {
   if (experiment.molar) return make_molar({voxel});
-  BlockOptions options = experiment.block;
+  BlockOptions options = run.block;
   options.voxel = voxel;
   return make_block(options);
 }
@@ -88,11 +88,11 @@ Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
   return outcome;
 }
 
-Exact exact_answer(const Experiment& experiment, const Run& run, const Parameters& parameters,
+Exact exact_answer(const Run& run, const Parameters& parameters,
                    const std::vector<HandleSample>& path, const std::string& bur_library) {
   const Bur bur = make_bur(run.bur, bur_library);
   const reference::Scene scene =
-      reference::make_scene(bur, {experiment.block.size, experiment.block.enamel}, parameters);
+      reference::make_scene(bur, {run.block.size, run.block.enamel}, parameters);
   Exact exact;
   exact.force.assign(path.size(), Vec3::Zero());
   exact.torque.assign(path.size(), 0);

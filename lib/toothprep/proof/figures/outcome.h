@@ -29,8 +29,8 @@ struct Outcome {
   LayeredTooth prepared;
 };
 
-// The specimen of an experiment at a voxel size, mm.
-LayeredTooth make_specimen(const Experiment& experiment, double voxel);
+// The specimen of a run at a voxel size, mm.
+LayeredTooth make_specimen(const Experiment& experiment, const Run& run, double voxel);
 
 // The samples that a run commands, at the parameters' time step.
 std::vector<HandleSample> path_of(const Run& run, const Parameters& parameters);
@@ -42,7 +42,7 @@ Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
 // The integrals of reference/ along what was replayed: in direct drive the load at each row's pose
 // and velocity, in coupled drive the equation of the spring and the tissue, solved by itself.
 // Only for blocks, and for paths along which all advancing surface meets fresh tissue.
-Exact exact_answer(const Experiment& experiment, const Run& run, const Parameters& parameters,
+Exact exact_answer(const Run& run, const Parameters& parameters,
                    const std::vector<HandleSample>& path, const std::string& bur_library);
 
 // Rows [first, last] over which the bur is fully in one tissue, with all of the contact that it

@@ -39,10 +39,9 @@ std::vector<Pass> passes_of(const std::vector<HandleSample>& path) {
 }
 
 // The exact answers hold for passes right through the block, at one orientation.
-void check(const Experiment& experiment, const Bur& bur, const std::vector<HandleSample>& path,
-           const std::vector<Pass>& passes) {
-  const double clear =
-      experiment.block.size.x() / 2 + std::hypot(bur.head_length(), bur.max_radius());
+void check(const Experiment& experiment, const Run& run, const Bur& bur,
+           const std::vector<HandleSample>& path, const std::vector<Pass>& passes) {
+  const double clear = run.block.size.x() / 2 + std::hypot(bur.head_length(), bur.max_radius());
   if (passes.empty()) throw Error(experiment.name + ": its path never leads along x");
   for (const Pass& pass : passes)
     for (const std::size_t end : {pass.first, pass.last})
@@ -60,9 +59,9 @@ void claim_passes(FigureReport& figure, const Experiment& experiment, const Run&
   const Bur bur = make_bur(run.bur, library);
   const std::vector<HandleSample> path = path_of(run, p);
   const std::vector<Pass> passes = passes_of(path);
-  check(experiment, bur, path, passes);
+  check(experiment, run, bur, path, passes);
   const Quat orientation = path.front().pose.orientation;
-  const reference::Block block{experiment.block.size, experiment.block.enamel};
+  const reference::Block block{run.block.size, run.block.enamel};
   const reference::Scene scene = reference::make_scene(bur, block, p);
   std::vector<Vec3> tips;
   for (const Pass& pass : passes) tips.push_back(path[pass.first].pose.position);
@@ -119,9 +118,9 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
                       p.engine = EngineKind::kLevelset;
                       if (i % 2)  // voxels and elements together
                         p.element_size = element_size(make_bur(run.bur, o.bur_library), p) / 2;
-                      outcomes[i] =
-                          run_on(run, p, make_specimen(experiment, i % 2 ? o.voxel / 2 : o.voxel),
-                                 o.bur_library);
+                      outcomes[i] = run_on(
+                          run, p, make_specimen(experiment, run, i % 2 ? o.voxel / 2 : o.voxel),
+                          o.bur_library);
                     }});
   context.run(jobs);
   for (std::size_t i = 0; i < outcomes.size(); ++i) {

@@ -125,10 +125,25 @@ Json json_of(const MapPlot& m) {
   j["x"] = m.x;
   j["y"] = m.y;
   j["values"] = m.values;
+  j["least"] = m.least;
+  j["most"] = m.most;
+  j["logarithmic"] = m.logarithmic;
   j["verdicts"] = m.verdicts;
   j["lines"] = Json::array();
   for (const MapPlot::Line& line : m.lines)
     j["lines"].push_back({{"label", line.label}, {"x", line.x}, {"y", line.y}});
+  return j;
+}
+
+Json json_of(const MetricTable& t) {
+  Json j;
+  j["title"] = t.title;
+  j["columns"] = t.columns;
+  for (const MetricTable::Row& row : t.rows) {
+    Json values = Json::array();
+    for (const double x : row.values) values.push_back(number_or_null(x));
+    j["rows"].push_back({{"run", row.run}, {"title", row.title}, {"values", values}});
+  }
   return j;
 }
 
@@ -189,6 +204,21 @@ std::string comparisons_text(const FigureReport& f) {
   return assumed.empty() ? md : md + "\nAssumed where the source does not say:\n\n" + assumed;
 }
 
+std::string table_text(const MetricTable& t) {
+  std::string md = "\n" + t.title + "\n\n| |", rule = "|---|";
+  for (const std::string& column : t.columns) {
+    md += " " + cell(column) + " |";
+    rule += "---|";
+  }
+  md += "\n" + rule + "\n";
+  for (const MetricTable::Row& row : t.rows) {
+    md += "| " + cell(row.title) + " |";
+    for (const double x : row.values) md += " " + text(x, "{:.3g}") + " |";
+    md += "\n";
+  }
+  return md;
+}
+
 std::string markdown(const ReportHeader& header, const std::vector<FigureReport>& figures) {
   std::size_t claims = 0, holding = 0;
   for (const FigureReport& f : figures)
@@ -207,6 +237,7 @@ std::string markdown(const ReportHeader& header, const std::vector<FigureReport>
     for (const Picture& p : f.pictures) md += "![" + f.title + "](" + p.file + ")\n";
     if (!f.comparisons.empty()) md += "![" + f.title + "](" + f.name + "/predicted.png)\n";
     md += comparisons_text(f);
+    for (const MetricTable& t : f.tables) md += table_text(t);
     if (f.claims.empty()) continue;
     md +=
         "\n| claim | engine | quantity | expected | from | measured | error | allowed | |\n"
@@ -296,6 +327,7 @@ void write_report(const ReportHeader& header, const std::vector<FigureReport>& f
       g["trends"] = Json::array();
       for (const Trend& t : f.trends) g["trends"].push_back(json_of(t));
     }
+    for (const MetricTable& t : f.tables) g["tables"].push_back(json_of(t));
     j["figures"].push_back(g);
   }
   write_file(folder + "/figures.json", json_text(j));

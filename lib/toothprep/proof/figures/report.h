@@ -72,12 +72,15 @@ struct Plot {
   double from_s = -1e300, to_s = 1e300;  // what of it is drawn
 };
 
-// Stability over two parameters; values[row][column], rows go with y.
+// A value and a verdict over two parameters; values[row][column], rows go with y.
 struct MapPlot {
   std::string file, title, x_label, y_label, value_label;
   std::vector<double> x, y;
-  std::vector<std::vector<double>> values;         // drawn as colour, on a logarithmic scale
-  std::vector<std::vector<std::string>> verdicts;  // "stable", "vibrates", "unstable"
+  std::vector<std::vector<double>> values;  // drawn as colour, from `least` to `most`
+  double least = 1e-3, most = 10;
+  bool logarithmic = true;
+  // "stable", "vibrates", "unstable", or "all", "all but one", "fewer"
+  std::vector<std::vector<std::string>> verdicts;
   struct Line {
     std::string label;
     std::vector<double> x, y;
@@ -120,6 +123,17 @@ struct Trend {
   std::vector<std::string> assumes;
 };
 
+// Figures of several runs side by side; NaN: none.
+struct MetricTable {
+  std::string title;
+  std::vector<std::string> columns;  // with their units
+  struct Row {
+    std::string run, title;
+    std::vector<double> values;
+  };
+  std::vector<Row> rows;
+};
+
 struct FigureReport {
   std::string name, title;
   std::vector<Claim> claims;
@@ -129,6 +143,7 @@ struct FigureReport {
   std::vector<Picture> pictures;
   std::vector<Comparison> comparisons;
   std::vector<Trend> trends;
+  std::vector<MetricTable> tables;
 };
 
 struct ReportHeader {

@@ -119,9 +119,9 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
                       Parameters p = parameters_of(*v.run, o.base);
                       p.engine = v.engine;
                       v.path = path_of(*v.run, p);
-                      v.exact = exact_answer(experiment, *v.run, p, v.path, o.bur_library);
-                      v.outcome =
-                          run_on(*v.run, p, make_specimen(experiment, o.voxel), o.bur_library);
+                      v.exact = exact_answer(*v.run, p, v.path, o.bur_library);
+                      v.outcome = run_on(*v.run, p, make_specimen(experiment, *v.run, o.voxel),
+                                         o.bur_library);
                       // The exact answer doesn't start again.
                       const StallRows s = first_stall(v.outcome.replay.rows);
                       if (!s.restarts) return;

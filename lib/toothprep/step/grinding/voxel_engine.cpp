@@ -120,6 +120,13 @@ void VoxelEngine::share_surface_out(const Bur& bur, bool clockwise) {
   }
 }
 
+std::vector<Vec3> VoxelEngine::contact_points() const {
+  std::vector<Vec3> points;
+  points.reserve(samples_.size());
+  for (const BoundarySample& sample : samples_) points.push_back(sample.surface_point);
+  return points;
+}
+
 void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
   contact_.clear();
   const LabelGrid& labels = workpiece_.tooth().tissue;

@@ -47,6 +47,9 @@ class VoxelEngine final : public GrindingEngine {
   void finish(const Pose& pose) noexcept override;
   const PerTissue<double>& removed() const noexcept override { return removed_; }
 
+  // Where contact is sampled, mm, B: one point of the surface per boundary voxel.
+  std::vector<Vec3> contact_points() const;
+
  private:
   // A boundary voxel.
   struct BoundarySample {
