@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <thread>
 
@@ -123,6 +124,16 @@ BatchOptions options_of(const Options& o, const Common& common) {
   return options;
 }
 
+// Bytes that are free where the folder is, or will be; without end where nobody knows.
+double free_disk(const std::string& folder) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  fs::path place = fs::absolute(folder).lexically_normal();
+  while (!fs::exists(place, error) && place.has_relative_path()) place = place.parent_path();
+  const fs::space_info space = fs::space(place, error);
+  return error ? std::numeric_limits<double>::infinity() : static_cast<double>(space.available);
+}
+
 // What is done, without running anything.
 void print_status(const Options& o, const BatchManifest& manifest, BatchOptions options) {
   options.look = true;
@@ -194,7 +205,7 @@ SlurmOptions slurm_of(const Options& o, const BatchOptions& options) {
 }
 
 // A worker: the items that a file names, one a line, beside other workers.
-void work_on(const Options& o, BatchManifest manifest, BatchOptions options) {
+void work_on(const Options& o, const BatchManifest& manifest, BatchOptions options) {
   std::ifstream in(o.work_on);
   if (!in) throw InputError(o.work_on, "", "cannot be read");
   std::vector<std::string> names;
@@ -206,7 +217,8 @@ void work_on(const Options& o, BatchManifest manifest, BatchOptions options) {
       owner.job.empty() ? owner.process : "job-" + owner.job + "-" + std::to_string(owner.restart);
   Claims claims(std::filesystem::absolute(o.output), owner, ended_by_slurm);
   options.claims = &claims;
-  const BatchResult result = run_batch(std::move(manifest), options);
+  const BatchResult result = run_batch(manifest, options);
+  note_killed(o.output, manifest, result.killed);
   if (result.interrupted) throw Error(o.output + ": interrupted; what is left runs later");
 }
 
@@ -238,10 +250,10 @@ void wait_for_slurm(const Options& o, const BatchManifest& manifest, const Batch
                 " items did not end in any job; see the logs in " + o.output + "/.batch/slurm");
 }
 
-void run_slurm(const Options& o, BatchManifest manifest, BatchOptions options,
+void run_slurm(const Options& o, const BatchManifest& manifest, BatchOptions options,
                const Common& common) {
   if (common.threads == 0) options.at_once = 1;
-  if (!o.work_on.empty()) return work_on(o, std::move(manifest), options);
+  if (!o.work_on.empty()) return work_on(o, manifest, options);
   BatchResult result;
   if (o.collect) {
     collect_from_slurm(manifest, options, slurm_of(o, options), result);
@@ -268,12 +280,13 @@ void run(const Options& o, CLI::App& app, const Common& common) {
   const SignalGuard guard;
   if (o.dry_run) {
     options.interrupted = [] { return stop_asked != 0; };
-    std::cout << plan_text(manifest, trial_of(manifest, options), options.at_once);
+    std::cout << plan_text(manifest, trial_of(manifest, options), options.at_once,
+                           free_disk(o.output));
     return;
   }
   if (o.runner == "slurm") {
     options.interrupted = [] { return stop_asked != 0; };
-    return run_slurm(o, std::move(manifest), options, common);
+    return run_slurm(o, manifest, options, common);
   }
   options.interrupted = [] { return stop_asked != 0; };
   options.progress = [&](const std::string& line) { say(common, line); };

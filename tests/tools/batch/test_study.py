@@ -70,6 +70,7 @@ class Study(CommandTest):
         self.assertEqual(plan.returncode, 0, plan.stderr)
         self.assertIn("9 items, 4 points", plan.stdout)
         self.assertRegex(plan.stdout, r"cut +replay +4 ")
+        self.assertNotIn("the disk won't do", plan.stdout)
         self.assertFalse(os.path.exists(self.path("out")))
         self.assertIn("0 done, 0 failed, 9 not run yet", self.batch("--status").stdout)
         done = self.batch("--threads", "2")

@@ -77,7 +77,7 @@ std::vector<BatchKind> trial_of(const BatchManifest& manifest, const BatchOption
 }
 
 std::string plan_text(const BatchManifest& manifest, const std::vector<BatchKind>& kinds,
-                      int at_once) {
+                      int at_once, double free_disk) {
   std::string text = fmt::format("{} items", manifest.items.size());
   if (manifest.points > 0) text += fmt::format(", {} points of the sweep", manifest.points);
   text += fmt::format("\n{:<16} {:<20} {:>8} {:>12} {:>10} {:>12}\n", "step", "command", "items",
@@ -95,6 +95,11 @@ std::string plan_text(const BatchManifest& manifest, const std::vector<BatchKind
     bytes += count * kind.bytes;
     memory = std::max(memory, kind.memory);
   }
+  if (bytes > free_disk)
+    text += fmt::format(
+        "the disk won't do: {} are free; keep less of each (keep in the manifest), or give a "
+        "folder on another disk\n",
+        size_text(free_disk));
   return text + fmt::format(
                     "about {} with {} at a time, {} of memory each, {} on disk; by one item of "
                     "each kind\n",

@@ -22,7 +22,8 @@ struct BatchKind {
 // Runs the first item of each kind, with what it needs, in a temporary folder.
 std::vector<BatchKind> trial_of(const BatchManifest& manifest, const BatchOptions& options);
 
+// `free_disk`: bytes where the results will be; a line says so if they won't do.
 std::string plan_text(const BatchManifest& manifest, const std::vector<BatchKind>& kinds,
-                      int at_once);
+                      int at_once, double free_disk);
 
 }  // namespace toothprep

@@ -386,6 +386,7 @@ class Batch {
     if (o_.claims && !r.late && !ended.exited && ended.code == SIGKILL) {
       // On a cluster that is a lack of memory, or the end of the job: it may do better elsewhere.
       release(r.index);
+      killed_.push_back(r.index);
       return settle(r.index, State::kLeft);
     }
     if (r.late) {
@@ -504,6 +505,7 @@ class Batch {
     done.interrupted = stopped_;
     done.seconds = std::move(seconds_);
     done.memory = std::move(memory_);
+    done.killed = std::move(killed_);
     std::vector<std::size_t> ended;
     for (std::size_t i = 0; i < m_.items.size(); ++i) {
       if (!concerned_[i]) continue;
@@ -548,6 +550,7 @@ class Batch {
   std::map<std::size_t, ItemRow> odd_;                           // rows that stand in no folder
   std::map<std::size_t, std::vector<std::size_t>> waiting_for_;  // of forced ones
   std::priority_queue<std::size_t, std::vector<std::size_t>, std::greater<>> ready_;
+  std::vector<std::size_t> killed_;                         // at work, by something else
   std::vector<std::size_t> held_;                           // by another process
   std::set<std::pair<std::string, std::size_t>> measured_;  // steps and commands, for their disk
 };

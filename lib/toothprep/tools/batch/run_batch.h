@@ -60,6 +60,8 @@ struct BatchResult {
   std::size_t failed = 0;  // of the rows
   // Items that neither were done nor ran: indices into the manifest's.
   std::vector<std::size_t> left;
+  // Of a worker: those of them that something killed, as a lack of memory does.
+  std::vector<std::size_t> killed;
   bool interrupted = false;             // then no table was written
   std::vector<double> seconds, memory;  // per item, where known; else 0
 };

@@ -44,6 +44,11 @@ std::string path_of_program(const std::string& name) {
   return {};
 }
 
+std::string variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
+}
+
 struct Answer {
   bool good = false;
   std::string text, error;  // stdout, stderr
@@ -268,18 +273,48 @@ bool is_over(const std::string& state) {
   return std::find(kOver.begin(), kOver.end(), state) != kOver.end();
 }
 
+// Slurm's accounts, where it keeps some: they know jobs that squeue has forgotten.
+JobStates states_in_accounts(const std::vector<std::string>& jobs) {
+  const Answer answer = ask_slurm({"sacct", "--allocations", "--noheader", "--parsable2",
+                                   "--jobs=" + joined(jobs, ","), "--format=State"});
+  JobStates states;
+  if (!answer.good) return states;
+  states.known = true;
+  std::istringstream lines(answer.text);
+  for (std::string line; std::getline(lines, line);)  // "CANCELLED by 1000"
+    if (const std::string state = line.substr(0, line.find(' ')); !state.empty())
+      ++states.counts[state];
+  return states;
+}
+
+fs::path killed_folder(const fs::path& folder) { return slurm_folder(folder) / "killed"; }
+
+// Whether a worker of one of the jobs saw an item killed.
+bool any_killed(const fs::path& folder, const std::vector<std::string>& jobs) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(killed_folder(folder), error)) {
+    const std::string name = entry.path().filename().string();
+    if (std::find(jobs.begin(), jobs.end(), name.substr(0, name.find('-'))) != jobs.end())
+      return true;
+  }
+  return false;
+}
+
 // More time or memory where a job of the last round ended for want of it, or where nobody knows.
-Round next_round(const Round& last, std::size_t left) {
+Round next_round(const fs::path& folder, const Round& last, std::size_t left) {
   Round next = last;
   ++next.number;
   next.jobs.clear();
   next.items = left;
   next.idle = left < last.items ? 0 : last.idle + 1;
   const std::vector<std::string> workers(last.jobs.begin(), last.jobs.end() - 1);
-  const JobStates states = states_of(workers);
-  const bool unknown = !states.known || states.counts.empty();
+  JobStates states = states_of(workers);
+  for (const auto& [state, count] : states_in_accounts(workers).counts)
+    states.counts[state] += count;
+  const bool unknown = states.counts.empty();
   if (unknown || states.counts.count("TIMEOUT")) next.minutes *= 2;
-  if (unknown || states.counts.count("OUT_OF_MEMORY")) next.memory_mb *= 2;
+  if (unknown || states.counts.count("OUT_OF_MEMORY") || any_killed(folder, workers))
+    next.memory_mb *= 2;
   return next;
 }
 
@@ -344,7 +379,7 @@ bool collect_from_slurm(const BatchManifest& m, const BatchOptions& o, const Slu
     write_file((slurm_folder(o.folder) / "complete").string(), std::to_string(last->number) + "\n");
     return true;
   }
-  submit_round(m, o, s, known, next_round(*last, known.left.size()));
+  submit_round(m, o, s, known, next_round(o.folder, *last, known.left.size()));
   return false;
 }
 
@@ -376,11 +411,19 @@ std::string slurm_status(const std::string& folder) {
   return text;
 }
 
+void note_killed(const std::string& folder, const BatchManifest& m,
+                 const std::vector<std::size_t>& items) {
+  if (items.empty()) return;
+  std::string job = variable("SLURM_ARRAY_JOB_ID");
+  if (job.empty()) job = variable("SLURM_JOB_ID");
+  std::error_code error;
+  fs::create_directories(killed_folder(folder), error);
+  std::string names;
+  for (const std::size_t i : items) names += m.items[i].name + "\n";
+  write_file((killed_folder(folder) / (job + "-" + process_name() + ".txt")).string(), names);
+}
+
 ClaimOwner slurm_owner() {
-  const auto variable = [](const char* name) {
-    const char* value = std::getenv(name);
-    return std::string(value ? value : "");
-  };
   return {process_name(), variable("SLURM_JOB_ID"),
           std::atoi(variable("SLURM_RESTART_COUNT").c_str())};
 }

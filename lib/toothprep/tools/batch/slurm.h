@@ -45,6 +45,10 @@ int slurm_jobs(const std::string& folder);
 // Whether the tables of the last round are written.
 bool slurm_complete(const std::string& folder);
 
+// In a worker whose items were killed: the next round asks for more memory. Throws Error.
+void note_killed(const std::string& folder, const BatchManifest& manifest,
+                 const std::vector<std::size_t>& items);
+
 // The claims' owner: this process in its Slurm job, if it is in one.
 ClaimOwner slurm_owner();
 // Whether Slurm says that an owner's job has ended, or was begun anew since.
