@@ -11,6 +11,7 @@
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/label_source.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/mesh_files/mesh_file.h"
@@ -37,7 +38,7 @@ struct Options {
   std::vector<double> roi;  // mm
   int component = 0;        // 0: not given
   bool allow_irregular = false;
-  bool repair = true, force = false, json = false;
+  bool repair = true, smooth_labels = true, force = false, json = false;
 };
 
 std::map<std::uint16_t, Tissue> parse_labels(const std::vector<std::string>& texts) {
@@ -196,6 +197,7 @@ ScanJob job_of(const Options& options) {
     job.how.thresholds = {options.thresholds[0], options.thresholds[1]};
   if (!options.tooth.empty()) choose_tooth(options.tooth, job.how);
   job.how.one_tooth = !options.tooth.empty();
+  job.how.smooth_labels = options.smooth_labels;
   if (!options.hounsfield.empty()) {
     const auto presets = read_hounsfield_presets(presets_file());
     const HounsfieldPreset& preset = preset_named(presets, options.hounsfield);
@@ -212,6 +214,14 @@ void say_greys(const Options& options, const Common& common, const VoxelizeRepor
           report.threshold_dentin, report.threshold_enamel,
           options.thresholds.empty() ? ", automatic" : "", report.surroundings, report.dentin,
           report.enamel));
+}
+
+void say_labels(const Common& common, const LayeredTooth& tooth) {
+  const std::optional<LabelSource> labels = recorded_labels(tooth.provenance);
+  if (!labels) return;
+  say(common, fmt::format("surfaces from labels of {:.4g} mm, {}", labels->spacing_mm,
+                          labels->smooth ? "without their steps (--no-smooth-labels keeps them)"
+                                         : "with their steps"));
 }
 
 void run_scan(const Options& options, const Common& common) {
@@ -235,7 +245,10 @@ void run_scan(const Options& options, const Common& common) {
   }
   for (const auto& note : report.notes) warn(options.scan + ": " + note);
   const bool grey = job.tissues.empty();
-  if (grey) say_greys(options, common, report);
+  if (grey)
+    say_greys(options, common, report);
+  else
+    say_labels(common, tooth);
   finish(tooth, options, common, outputs, output, start, report.notes, grey ? &report : nullptr);
 }
 
@@ -297,6 +310,10 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->excludes("--thresholds")
       ->excludes("--hounsfield");
+  sub->add_flag("--smooth-labels,!--no-smooth-labels", options->smooth_labels,
+                "Surfaces of a segmentation without the steps of its voxels, each voxel's centre "
+                "staying in its tissue (the default); --no-smooth-labels keeps the steps")
+      ->needs("--labels");
   sub->add_option("--mesh", options->meshes,
                   "In place of a scan, surfaces (.stl .ply .obj .off, .gz of these), one per "
                   "option: enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the "

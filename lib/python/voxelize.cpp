@@ -38,6 +38,7 @@ ScanJob job_of(const py::dict& o, const std::string& presets) {
   if (const auto roi = taken<std::optional<std::array<std::array<double, 3>, 2>>>(o, "roi_mm"))
     job.roi = Box{Vec3((*roi)[0].data()), Vec3((*roi)[1].data())};
   job.how.voxel = taken<double>(o, "voxel_mm");
+  job.how.smooth_labels = taken<bool>(o, "smooth_labels");
   job.how.thresholds = taken<std::optional<std::array<double, 2>>>(o, "thresholds");
   const py::object tooth = o["tooth"];
   if (py::isinstance<py::int_>(tooth))

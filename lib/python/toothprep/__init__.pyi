@@ -168,7 +168,7 @@ def voxelize(source: Optional[_Path] = ..., output: Optional[_Path] = ..., *, vo
              spacing_mm: Union[None, float, Sequence[float]] = ..., tooth: Union[int, Sequence[float]] = ...,
              series: str = ..., component: Optional[int] = ...,
              roi_mm: Optional[Sequence[Sequence[float]]] = ..., allow_irregular: bool = ..., repair: bool = ...,
-             overwrite: bool = ..., progress: _Progress = ...) -> Voxelized: ...
+             smooth_labels: bool = ..., overwrite: bool = ..., progress: _Progress = ...) -> Voxelized: ...
 def calibrate(tooth: Union[Tooth, _Path], measured: Union[_Path, Sequence[_Path]], bur: Union[Bur, _Path], *,
               parameters: _Parameters = ..., rotation_rate_rev_s: Optional[float] = ...,
               drive: Literal["direct", "coupled"] = ..., estimate: Union[str, Sequence[str]] = ...,

@@ -36,7 +36,7 @@ class Fit(dict):
 
 def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfield=None, labels=None, meshes=None,
              spacing_mm=None, tooth=1, series="", component=None, roi_mm=None, allow_irregular=False, repair=True,
-             overwrite=True, progress=None):
+             smooth_labels=True, overwrite=True, progress=None):
     """A CT scan, a segmentation or closed shells to a layered tooth.
 
     source      a folder with a DICOM series, .dcm, .nrrd, .nhdr, .nii, .nii.gz, .mha or .mhd
@@ -44,6 +44,7 @@ def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfi
     thresholds  grey values (surroundings|dentin, dentin|enamel); None: found in the histogram
     hounsfield  name of a preset of borders in Hounsfield units, in place of the histogram's peaks
     labels      the source is a segmentation: {"enamel": 2, "dentin": 3, ...}
+    smooth_labels  False keeps the steps of its voxels
     meshes      in place of a source: {"enamel": path, "dentin": path, ...}, surfaces in mm; repair mends and
                 closes them where that invents no shape (a note says so), else faults are refused
     spacing_mm  voxel size of the scan in place of the file's: a number or three
@@ -66,7 +67,8 @@ def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfi
     else:
         options = {"source": source, "voxel_mm": voxel_mm, "thresholds": thresholds, "hounsfield": hounsfield,
                    "labels": labels, "spacing_mm": spacing_mm, "tooth": tooth, "series": series,
-                   "component": component, "roi_mm": roi_mm, "allow_irregular": allow_irregular}
+                   "component": component, "roi_mm": roi_mm, "allow_irregular": allow_irregular,
+                   "smooth_labels": smooth_labels}
         made, text = _core.voxelize_scan(options, os.path.join(data_folder(), "scans", "hounsfield.toml"),
                                          callback(progress))
     figures = json.loads(text)

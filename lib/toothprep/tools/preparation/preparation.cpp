@@ -41,14 +41,23 @@ struct Bench {
 
   const PreparationFrame& frame() const { return result.frame; }
   double voxel() const { return original.lattice.voxel; }
+  // What the cut surface is known to, mm. Both ends of a length may lie half a label off.
+  double resolution() const { return std::max(voxel(), options.cut_label_spacing); }
+  double length_uncertainty() const {
+    return std::max({voxel() / 2, options.cut_label_spacing, options.original_label_spacing / 2});
+  }
   void add(const std::string& key, double value, double uncertainty, const char* unit) {
     if (std::isfinite(value)) result.quantities.push_back({key, value, uncertainty, unit});
   }
-  void add_length(const std::string& key, double value) { add(key, value, voxel() / 2, "mm"); }
+  void add_length(const std::string& key, double value) {
+    add(key, value, length_uncertainty(), "mm");
+  }
   void note(const std::string& text) { result.notes.push_back(text); }
 };
 
-double angle_uncertainty(double voxel, double span) { return std::atan(voxel / span) / kDegree; }
+double angle_uncertainty(double resolution, double span) {
+  return std::atan(resolution / span) / kDegree;
+}
 
 std::string text_of(double value, fmt::format_string<double> format) {
   return without_negative_zero(fmt::vformat(format, fmt::make_format_args(value)));
@@ -119,7 +128,7 @@ void add_angles(Bench& bench, const std::array<Wall, 4>& walls) {
   for (const Wall& wall : walls)
     if (!wall.middle.empty())
       bench.add("wall_angles_deg." + side_name(wall.side, bench.frame()), wall.angle_deg,
-                angle_uncertainty(bench.voxel(), wall.height), "deg");
+                angle_uncertainty(bench.resolution(), wall.height), "deg");
   const bool crown = bench.options.type == PreparationType::kCrown;
   double sum = 0, variance = 0;
   int count = 0;
@@ -128,8 +137,8 @@ void add_angles(Bench& bench, const std::array<Wall, 4>& walls) {
     const Wall& b = walls[static_cast<int>(opposite(side))];
     if (a.middle.empty() || b.middle.empty()) continue;
     const double both = (a.angle_deg + b.angle_deg) * (crown ? 1 : -1);
-    const double uncertainty = std::hypot(angle_uncertainty(bench.voxel(), a.height),
-                                          angle_uncertainty(bench.voxel(), b.height));
+    const double uncertainty = std::hypot(angle_uncertainty(bench.resolution(), a.height),
+                                          angle_uncertainty(bench.resolution(), b.height));
     bench.add(
         std::string("convergence_deg.") + (side == Side::kBuccal ? "buccolingual" : "mesiodistal"),
         both, uncertainty, "deg");
@@ -156,7 +165,7 @@ void add_wall_height(Bench& bench, const std::vector<WallFacet>& walls) {
 }
 
 void add_floor(Bench& bench, const Floor& floor, const std::string& prefix) {
-  const double uncertainty = angle_uncertainty(bench.voxel(), std::sqrt(floor.area));
+  const double uncertainty = angle_uncertainty(bench.resolution(), std::sqrt(floor.area));
   bench.add_length(prefix + "floor_flatness_mm", floor.flatness);
   bench.add(prefix + "floor_tilt_deg", floor.plane.tilt_deg(), uncertainty, "deg");
 }
@@ -280,7 +289,7 @@ void measure_box(Bench& bench, int gingival, int pulpal) {
     if (wall.middle.empty() || &wall == open) continue;
     bench.add("wall_angles_deg." + (&wall == &axial ? std::string("axial")
                                                     : "proximal_" + side_name(wall.side, frame)),
-              wall.angle_deg, angle_uncertainty(bench.voxel(), wall.height), "deg");
+              wall.angle_deg, angle_uncertainty(bench.resolution(), wall.height), "deg");
   }
   // Half-way between the floors; beside the isthmus the axial wall goes on to the margin.
   Weighted reach;
@@ -687,7 +696,8 @@ Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth
   measure_pulp(bench);
   bench.add("surface_roughness_mm", surface_roughness(facets), NAN, "mm");
   bench.add("line_angle_radius_mm",
-            line_angle_radius(facets, bench.walls, bench.floors, bench.frame(), tree), voxel, "mm");
+            line_angle_radius(facets, bench.walls, bench.floors, bench.frame(), tree),
+            bench.resolution(), "mm");
   widen_by_axis(bench);
   TriangleMesh target_surface;
   if (target) target_surface = extract_surface(*target, SurfaceOf::kAll);

@@ -15,7 +15,8 @@
 // across it, as uncertain: the axis's uncertainty u enters angles as it is, lengths by 1/cos(u) - 1.
 //
 // Every figure's exact definition stands with its key in tools/score/DEFINITIONS.md; uncertainties are
-// D/2 for lengths and atan(D / height) for a wall's angle (D the voxel size), which is what a scan
+// D/2 for lengths and atan(D / height) for a wall's angle (D the voxel size), and of surfaces from labels
+// of spacing L at least L and atan(L / height): that is what a scan or a segmentation
 // allows, not the arithmetic: on exact surfaces the errors are far smaller (README.md).
 #pragma once
 
@@ -46,6 +47,9 @@ struct PreparationOptions {                         // what is measured, and fro
   double undercut_threshold = 0.03;
   // How deep in the original the prepared surface counts as cut, mm; 0: a tenth of a voxel.
   double cut_tolerance = 0;
+  // Spacing of the labels that a surface comes from, mm; 0: from none. Such a surface may lie half a
+  // label off. What a bur cut here comes from none, whatever it was cut from.
+  double cut_label_spacing = 0, original_label_spacing = 0;
 };
 
 // What kind a cut is, judged by its walls and floors: a crown where most of the walls' area faces

@@ -10,6 +10,7 @@
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/compare/cut_surface.h"
+#include "toothprep/tools/io/label_source.h"
 #include "toothprep/tools/orientation/estimate_frame.h"
 
 namespace toothprep {
@@ -161,6 +162,20 @@ void find_tooth_frame(LayeredTooth& tooth) {
   record_frame(estimate_frame(tooth, known_axes(recorded)), tooth.provenance);
 }
 
+// Of the labels that a tooth's surfaces come from, mm; 0 if from none. Says so in the notes.
+double noted_label_spacing(const Solid& solid, const std::string& file,
+                           std::vector<std::string>& notes) {
+  const std::optional<LabelSource> labels = recorded_labels(solid.tooth.provenance);
+  if (!labels) return 0;
+  notes.push_back(file + fmt::format(": {} from labels of {:.4g} mm ({}); the uncertainties "
+                                     "include that",
+                                     solid.tooth.parts ? "was cut here, its other surfaces come"
+                                                       : "its surfaces come",
+                                     labels->spacing_mm,
+                                     labels->smooth ? "smoothed" : "with their steps"));
+  return labels->spacing_mm;
+}
+
 // What was measured against an axis that isn't the tooth's can't be certain.
 void judge_sheet(const Rubric& rubric, ScoreSheet& sheet) {
   sheet.result = judge(rubric, sheet.quantities);
@@ -206,7 +221,14 @@ Assessment assess(const AssessmentOptions& options) {
   double surface_tolerance_mm = 0;
   const Solid prepared = read_solid(options.prepared, voxel, options.mm_per_unit);
   keep_warnings(prepared.warnings);
+  PreparationOptions preparation = options.preparation;
+  preparation.original_label_spacing =
+      noted_label_spacing(result.original, options.original, sheet.notes);
+  const double of_prepared = noted_label_spacing(prepared, options.prepared, sheet.notes);
+  preparation.cut_label_spacing = prepared.tooth.parts ? 0 : of_prepared;
   const double coarser = std::max(voxel, prepared.tooth.lattice.voxel);
+  const double resolution =
+      std::max({coarser, preparation.cut_label_spacing, preparation.original_label_spacing / 2});
   progress("laying them on each other", 0.2);
   result.prepared = placed(prepared, result.original, options, "prepared", quantities, sheet.notes,
                            surface_tolerance_mm);
@@ -223,14 +245,14 @@ Assessment assess(const AssessmentOptions& options) {
   const VolumeComparison volumes =
       compare_volumes(result.original, result.prepared, result.target ? &*result.target : nullptr,
                       surface_tolerance_mm);
-  add_volumes(quantities, volumes, coarser);
+  add_volumes(quantities, volumes, resolution);
   if (result.target) {
     DeviationOptions deviation;
     deviation.cut_tolerance_mm =
         std::max(surface_tolerance_mm, cut_tolerance(result.original.tooth.lattice));
     result.deviation =
         measure_deviation(result.original, result.prepared, *result.target, deviation);
-    add_deviation(quantities, *result.deviation, coarser);
+    add_deviation(quantities, *result.deviation, resolution);
   }
 
   progress("measuring the preparation", 0.6);
@@ -238,7 +260,6 @@ Assessment assess(const AssessmentOptions& options) {
   result.preparation_surface = result.prepared.layered && surface_tolerance_mm == 0
                                    ? result.prepared.surface
                                    : extract_surface(result.prepared.tooth, SurfaceOf::kAll);
-  PreparationOptions preparation = options.preparation;
   preparation.cut_tolerance = surface_tolerance_mm;
   preparation.type = choose_type(options, result, preparation, sheet);
   sheet.type = kPreparationTypes[static_cast<std::size_t>(preparation.type)];

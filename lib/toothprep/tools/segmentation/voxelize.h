@@ -19,7 +19,7 @@
 
 namespace toothprep {
 
-struct VoxelizeOptions {  // of scans; of labels `voxel`, the tooth and the callbacks only
+struct VoxelizeOptions {  // of scans; of labels `voxel`, the tooth, smoothing and the callbacks
   double voxel = 0.1;     // mm, of the tooth
   // Grey values of the borders surroundings|dentin and dentin|enamel; automatic when absent.
   std::optional<std::array<double, 2>> thresholds;
@@ -30,6 +30,7 @@ struct VoxelizeOptions {  // of scans; of labels `voxel`, the tooth and the call
   int tooth = 1;
   std::optional<Vec3> tooth_at;  // wins over `tooth`
   bool one_tooth = false;        // of labels: one of several; else everything named counts
+  bool smooth_labels = true;     // of labels: surfaces without their steps (smooth_labels.h)
   bool keep_greys = false;       // for the report's pictures
   // Called with what is being done and how much of the whole is done (0..1), now and then.
   std::function<void(const std::string& stage, double done)> progress;
@@ -63,7 +64,8 @@ struct VoxelizeReport {
 // named voxel counts, floating pieces too: volumes are those of the labels. With `one_tooth` only one
 // piece of enamel, dentin and pulp that hangs together by faces counts, and of `other` what lies
 // within 1 mm of its box; the notes list the teeth. Throws Error if a label of the map or that tooth
-// does not occur, or when the tooth would take more memory than there is.
+// does not occur, or when the tooth would take more memory than there is. Provenance gets what
+// record_labels() writes.
 [[nodiscard]] LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& labels,
                                            const std::map<std::uint16_t, Tissue>& tissues,
                                            const VoxelizeOptions& options,

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "toothprep/tools/io/json_text.h"
+#include "toothprep/tools/io/label_source.h"
 
 namespace toothprep {
 
@@ -24,6 +25,10 @@ std::string voxelize_json(const LayeredTooth& tooth, const std::string& file, do
   const PerTissue<double> volumes = remaining_volumes_mm3(tooth);
   for (int t = 0; t < kTissueCount; ++t)
     json["volume_mm3"][std::string(kTissueNames[t])] = volumes[t];
+  if (const auto labels = recorded_labels(tooth.provenance)) {
+    json["labels_spacing_mm"] = labels->spacing_mm;
+    json["labels_surface"] = tooth.provenance.at("labels_surface");
+  }
   if (grey_scan) {
     json["threshold_dentin"] = grey_scan->threshold_dentin;
     json["threshold_enamel"] = grey_scan->threshold_enamel;

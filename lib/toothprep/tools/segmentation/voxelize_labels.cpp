@@ -3,8 +3,10 @@
 #include <cmath>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/label_source.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
 #include "toothprep/tools/segmentation/label_teeth.h"
+#include "toothprep/tools/segmentation/smooth_labels.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
@@ -223,6 +225,19 @@ ToothFields fields_of(Shares shares) {
   return fields;
 }
 
+// The labels as they are: their steps rounded by a third of a voxel.
+ToothFields stepped_fields(const ImageVolume<std::uint16_t>& labels, const NamedLabels& tissues,
+                           const TissueOf& tissue_of, const WorkBox& box,
+                           const PerTissue<double>& volume_mm3, double blur) {
+  Shares shares = sampled_shares(labels, tissues, tissue_of, box);
+  smooth_shares(shares, blur);
+  std::array<double, kTissueCount> wanted{};  // output voxels
+  for (std::size_t t = 0; t < kTissueCount; ++t)
+    wanted[t] = volume_mm3[t] / std::pow(box.lattice.voxel, 3);
+  restore_volumes(wanted, shares);
+  return fields_of(std::move(shares));
+}
+
 }  // namespace
 
 LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& all, const NamedLabels& tissues,
@@ -247,20 +262,20 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& all, const NamedL
   const WorkBox box = box_around(labels, seen.low.cast<double>(), seen.high.cast<double>(),
                                  options.voxel, margin, options.announce);
 
-  progress("resampling", 0.1);
-  Shares shares = sampled_shares(labels, tissues, tissue_of, box);
-  progress("smoothing", 0.3);
-  smooth_shares(shares, blur);
-  std::array<double, kTissueCount> wanted{};  // output voxels
+  PerTissue<double> volume_mm3{};
   for (const auto& [named, tissue] : tissues)
     if (tissue != Tissue::kAir)
-      wanted[place_of(tissue)] +=
-          static_cast<double>(seen.histogram[named]) * (labels.spacing / options.voxel).prod();
-  restore_volumes(wanted, shares);
-  ToothFields fields = fields_of(std::move(shares));
+      volume_mm3[place_of(tissue)] +=
+          static_cast<double>(seen.histogram[named]) * labels.spacing.prod();
+  progress(options.smooth_labels ? "smoothing" : "resampling", 0.1);
+  ToothFields fields =
+      options.smooth_labels
+          ? smooth_label_fields({labels, tissue_of, seen.low, seen.high, volume_mm3}, box)
+          : stepped_fields(labels, tissues, tissue_of, box, volume_mm3, blur);
 
   progress("measuring distances", 0.6);
   LayeredTooth tooth = tooth_of(box, std::move(fields));
+  record_labels({labels.spacing.maxCoeff(), options.smooth_labels}, tooth.provenance);
   progress("done", 1);
   if (report) *report = {};
   if (report && !note.empty()) report->notes = {note};
