@@ -131,6 +131,8 @@ TEST(LabelSurfaces, WallsAtAnOddAngleHaveTheirAnglesWidthsAndNoFalseUndercut) {
 TEST(LabelSurfaces, ADovetailIsStillOne) {
   for (const double mm : {0.1, 0.2})
     expect_truth({"dovetail", PreparationType::kClass1, box(3, dovetail(mm))}, 0.1, true);
+  // Its floor has ripples of some µm, from which every way but up is barred.
+  expect_truth({"dovetail 0.2", PreparationType::kClass1, box(3, dovetail(0.2))}, 0.05, true);
 }
 
 TEST(LabelSurfaces, WallsAlongTheVoxelsStayWhereTheyAre) {

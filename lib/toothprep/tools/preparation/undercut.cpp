@@ -13,6 +13,7 @@ namespace {
 constexpr double kDeepest = 3;        // mm: undercuts deeper than this count as this deep
 constexpr double kStep = 0.02;        // mm, of the search along the side
 constexpr double kOffSurface = 1e-3;  // mm
+constexpr double kRaised = 0.02;      // mm: over ripples of a floor, which would bar every way
 constexpr int kWays = 12;             // all around
 
 // How far from x along `side` (unit, across the path) the way out is free; kDeepest if nowhere.
@@ -84,12 +85,13 @@ Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, c
     const Vec3 flat = f.normal - f.normal.dot(path) * path;
     const Vec3 side = flat.norm() > 1e-6 ? Vec3(flat.normalized()) : Vec3(path.unitOrthogonal());
     const Vec3 other = path.cross(side);
+    const Vec3 raised = x + kRaised * path;
     double least = kDeepest;
     // The way out is mostly the way the wall faces; under a ceiling and in corners it may be any.
     for (int k = 0; k < kWays; ++k) {
       const double turn = k * 2 * units::kPi / kWays;
       const Vec3 way = std::cos(turn) * side + std::sin(turn) * other;
-      least = std::min(least, free_after(prepared, x, way, path, least));
+      least = std::min(least, free_after(prepared, raised, way, path, least));
     }
     depth[i] = least;
   });
