@@ -4,17 +4,21 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <map>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "surfaces.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/tools/mesh/pyramid_loops.h"
 #include "toothprep/tools/mesh/sharp_surface.h"
 
 namespace toothprep {
@@ -217,6 +221,114 @@ TEST(SharpSurface, OfACutFullOfWallsThinnerThanAVoxelIsValid) {
                   std::sin(10 * x.z()) * std::cos(8 * x.x()));
   };
   expect_valid(extract_sharp_surface(cut_tooth(block, waves, 2.2, 0.15)).mesh);
+}
+
+// A number of (0, 1) that belongs to a voxel (index within 64 of 0), the same at every call.
+double noise_at(const Vec3& x, double voxel, std::uint64_t salt) {
+  std::uint64_t h = salt;
+  for (int k = 0; k < 3; ++k)
+    h = h << 8 | static_cast<std::uint64_t>(std::lround(x[k] / voxel) + 64);
+  std::mt19937_64 random(h);
+  return static_cast<double>((random() >> 11) + 1) * 0x1p-53;
+}
+
+constexpr double kHalfNoise = 0.8;
+
+// Signs that are independent from voxel to voxel, with this part of them negative, and magnitudes
+// over three decades, up to the band; positive outside a cube of 1.6 mm.
+Field noise(double negative, double voxel, std::uint64_t salt) {
+  return [=](const Vec3& x) {
+    if (x.cwiseAbs().maxCoeff() > kHalfNoise) return 3 * voxel;
+    const double magnitude = 3 * voxel * std::pow(10, -3 * noise_at(x, voxel, salt));
+    return noise_at(x, voxel, salt + 1) < negative ? -magnitude : magnitude;
+  };
+}
+
+// One field makes all cases of a cell, the other is zero here and there: cells of one field, of both,
+// and those between them, with any of their faces divided.
+TEST(SharpSurface, OfNoiseIsValidInCellsOfEveryKind) {
+  constexpr double kVoxel = 0.1;
+  for (const double rare : {0.004, 0.02, 0.05, 0.1}) {
+    SCOPED_TRACE(rare);
+    const LayeredTooth much_tooth =
+        cut_tooth(noise(0.5, kVoxel, 1), noise(rare, kVoxel, 3), kHalfNoise, kVoxel);
+    expect_valid(extract_sharp_surface(much_tooth).mesh);
+    const LayeredTooth much_cut =
+        cut_tooth(noise(1 - rare, kVoxel, 5), noise(0.5, kVoxel, 7), kHalfNoise, kVoxel);
+    expect_valid(extract_sharp_surface(much_cut).mesh);
+  }
+}
+
+// Teeth and cuts of balls and turned boxes at random places.
+TEST(SharpSurface, OfRandomShapesIsValid) {
+  std::mt19937_64 random(20);
+  const auto within = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53;
+  };
+  const auto place = [&](double reach) -> Vec3 {
+    const double x = within(-reach, reach), y = within(-reach, reach);
+    return {x, y, within(-reach, reach)};
+  };
+  const auto shape = [&](double reach, double size) -> Field {
+    const Vec3 middle = place(reach), half = Vec3::Constant(size) + place(size / 2);
+    const Quat turn(Eigen::AngleAxisd(within(0, kPi), place(1).normalized()));
+    if (within(0, 1) < 0.5) return [=](const Vec3& x) { return (x - middle).norm() - size; };
+    return [=](const Vec3& x) { return box_distance(turn.conjugate() * (x - middle), half); };
+  };
+  const auto either = [](const Field& a, const Field& b) -> Field {
+    return [=](const Vec3& x) { return std::min(a(x), b(x)); };
+  };
+  for (int trial = 0; trial < 24; ++trial) {
+    SCOPED_TRACE(trial);
+    const Field tooth = either(shape(0.4, 0.9), shape(0.7, 0.7));
+    const Field cut = either(either(shape(1, 0.4), shape(1.2, 0.5)), shape(1, 0.25));
+    const SharpSurface surface = extract_sharp_surface(cut_tooth(tooth, cut, 2.3, 0.15));
+    expect_valid(surface.mesh);
+    std::map<std::uint32_t, int> ends;
+    for (const auto& edge : surface.margin)
+      for (const std::uint32_t v : edge) ++ends[v];
+    for (const auto& [v, count] : ends) ASSERT_EQ(count, 2) << "the margin ends at " << v;
+  }
+}
+
+// Cells are divided at the margin only. Here it is 2 pi 0.6 mm long: some 60 cells of 0.1 mm along it, each
+// of some 12 triangles, as many around these, beside the 67 000 triangles of the sphere.
+TEST(SharpSurface, HasHardlyMoreTrianglesThanOneFieldsSurface) {
+  const Preparation p = ball_in_sphere(Quat::Identity());
+  const LayeredTooth tooth = cut_tooth(p.tooth, p.cut, 3.1, 0.1);
+  const double sharp = static_cast<double>(extract_sharp_surface(tooth).mesh.triangles.size()),
+               one = static_cast<double>(extract_surface(tooth, SurfaceOf::kAll).triangles.size());
+  RecordProperty("triangles", std::to_string(sharp) + " against " + std::to_string(one));
+  EXPECT_LT(sharp / one, 1.1);
+}
+
+TEST(PyramidLoops, PassEveryCrossedEdgeOnce) {
+  for (const int corners : {3, 4})
+    for (unsigned signs = 0; signs < 1U << (corners + 1); ++signs) {
+      constexpr std::array<int, 4> kBase = {1, 3, 7, 5};
+      unsigned negative = (signs & 1) << kCellMiddle;
+      for (int i = 0; i < corners; ++i) negative |= (signs >> (i + 1) & 1) << kBase[i];
+      const auto crossed = [&](int a, int b) { return ((negative >> a ^ negative >> b) & 1) != 0; };
+      std::map<std::array<int, 2>, int> passed;
+      const PyramidLoops loops = pyramid_loops(kBase, corners, negative);
+      for (int l = 0; l < loops.count; ++l) {
+        EXPECT_GE(loops.loop[l].size, 3);
+        for (int i = 0; i < loops.loop[l].size; ++i) ++passed[loops.loop[l].edge[i]];
+      }
+      std::size_t edges = 0;
+      for (int i = 0; i < corners; ++i) {
+        const int a = kBase[i], b = kBase[(i + 1) % corners];
+        if (crossed(a, b)) {
+          ++edges;
+          EXPECT_EQ((passed[{std::min(a, b), std::max(a, b)}]), 1);
+        }
+        if (crossed(a, kCellMiddle)) {
+          ++edges;
+          EXPECT_EQ((passed[{a, kCellMiddle}]), 1);
+        }
+      }
+      EXPECT_EQ(passed.size(), edges) << "edges that are not crossed";
+    }
 }
 
 TEST(SharpSurface, IsTheSameWhateverTheThreads) {

@@ -9,7 +9,9 @@
 #include <optional>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/tooth/cell_cases.h"
 #include "toothprep/step/tooth/tissue_under.h"
+#include "toothprep/tools/mesh/pyramid_loops.h"
 
 namespace toothprep {
 namespace {
@@ -20,8 +22,10 @@ namespace {
 // the surfaces by no more than that and twice that.
 constexpr float kLeastVoxels = 0.005F;
 
-constexpr int kFaceCodes = 14;  // codes below are of edges: direction - 1, and 7 more for g
-constexpr std::uint64_t kCodes = 64;
+// Codes of vertices: of edges from 0 (direction - 1, and 7 more for g), of faces, of the ways from a
+// cell's corners to its middle (the corner, and 8 more for g).
+constexpr int kFaceCodes = 14, kMiddleCodes = kFaceCodes + 49;
+constexpr std::uint64_t kCodes = 128;
 
 Index3 corner_offset(int corner) { return Index3(corner & 1, corner >> 1 & 1, corner >> 2 & 1); }
 
@@ -51,6 +55,12 @@ class Fields {
     return {f, kept_away(std::abs(g - f) < least_   ? f - least_
                          : std::abs(g + f) < least_ ? least_ - f
                                                     : g)};
+  }
+  // Of one field, in a cell's middle.
+  float middle(const Index3& cell, int field) const {
+    float sum = 0;
+    for (int c = 0; c < 8; ++c) sum += at(cell + corner_offset(c))[field];
+    return kept_away(sum / 8);
   }
   // Bricks along each axis, with one more layer at the lower sides, whose cells reach into the box.
   Index3 brick_counts() const { return intact_.brick_counts() + Index3::Ones(); }
@@ -84,7 +94,8 @@ class Fields {
 };
 
 // Vertices are named by a voxel, counted from the box's lower corner, and a code: of the edge from
-// there that crosses a field, or of the face from there on which both are zero.
+// there that crosses a field, of the face from there on which both are zero, or of the way to the
+// middle of the cell there that crosses a field.
 class Names {
  public:
   explicit Names(const Fields& fields)
@@ -95,6 +106,9 @@ class Names {
   }
   std::uint64_t of_face(const Index3& cell, int a, int b, int c) const {
     return name(cell + corner_offset(a), kFaceCodes + 7 * ((b ^ a) - 1) + (c ^ b) - 1);
+  }
+  std::uint64_t of_middle(const Index3& cell, int corner, int field) const {
+    return name(cell, kMiddleCodes + 8 * field + corner);
   }
   Index3 voxel(std::uint64_t name) const {
     const std::uint64_t v = name / kCodes, y = static_cast<std::uint64_t>(counts_.y()),
@@ -203,33 +217,158 @@ void add_polygon(const Index3& cell, const Tetrahedron& t, const Corners& s, int
   if (field == 0 && crossings == 2) piece.margin.push_back({crossing[0], crossing[1]});
 }
 
+// ---- Cells
+
+using CellValues = std::array<std::array<float, 2>, 8>;  // both fields at a cell's corners
+
+// How a cell's surface is found. Where only one field has a zero in it, and the other is negative,
+// the surface is that field's alone.
+enum class CellKind { kEmpty, kIntact, kCut, kMargin };
+
+CellKind kind_of(const CellValues& corner) {
+  std::array<int, 2> negatives{};
+  for (const auto& values : corner)
+    for (int field = 0; field < 2; ++field) negatives[field] += values[field] < 0;
+  if (negatives[0] == 0 || negatives[1] == 0 || negatives[0] + negatives[1] == 16)
+    return CellKind::kEmpty;
+  return negatives[1] == 8   ? CellKind::kIntact
+         : negatives[0] == 8 ? CellKind::kCut
+                             : CellKind::kMargin;
+}
+
+unsigned negative_corners(const CellValues& corner, int field) {
+  unsigned negative = 0;
+  for (int c = 0; c < 8; ++c) negative |= static_cast<unsigned>(corner[c][field] < 0) << c;
+  return negative;
+}
+
+void add_tetrahedra(const Index3& cell, const CellValues& corner, const Names& names,
+                    Piece& piece) {
+  for (const Tetrahedron& t : kTetrahedra) {
+    Corners s;
+    for (int field = 0; field < 2; ++field)
+      for (int c = 0; c < 4; ++c) {
+        s.value[field][c] = corner[t.corner[c]][field];
+        s.negative[field][c] = s.value[field][c] < 0;
+      }
+    for (int field = 0; field < 2; ++field) add_polygon(cell, t, s, field, names, piece);
+  }
+}
+
+// As extract_surface() does it.
+void add_cube(const Index3& cell, const CellValues& corner, int field, const Names& names,
+              Piece& piece) {
+  const CellCases& cases = cell_cases();
+  const CellCase& its = cases.cases[negative_corners(corner, field)];
+  std::array<float, 8> values;
+  for (int c = 0; c < 8; ++c) values[c] = corner[c][field];
+  for (int l = 0; l < its.loops; ++l) {
+    const CellLoop& loop = its.loop[l];
+    std::array<std::uint64_t, 7> vertex;
+    for (int i = 0; i < loop.size; ++i) {
+      const CellEdge& edge = cases.edges[loop.edge[i]];
+      vertex[i] = names.of_edge(cell, edge.base, edge.base | 1 << edge.axis, field);
+    }
+    const int apex = fan_apex(loop, values);
+    for (int d = 1; d < loop.size - 1; ++d)
+      piece.triangles.push_back(
+          {vertex[apex], vertex[(apex + d) % loop.size], vertex[(apex + d + 1) % loop.size]});
+  }
+}
+
+// A face's corners, counter-clockwise seen from outside. The first and the third are the ends of the
+// diagonal that divides it in tetrahedra.
+std::array<int, 4> corners_of_face(int axis, int side) {
+  const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3, base = side << axis;
+  return side == 0 ? std::array{base, base | v, base | u | v, base | u}
+                   : std::array{base, base | u, base | u | v, base | v};
+}
+
+// One field's surface in a cell whose faces `divided` (bits: 2 axis + side) are those of
+// tetrahedra: by a pyramid over each face, over those by two.
+void add_pyramids(const Index3& cell, const CellValues& corner, int field, unsigned divided,
+                  const Fields& fields, const Names& names, Piece& piece) {
+  const unsigned negative = negative_corners(corner, field) |
+                            static_cast<unsigned>(fields.middle(cell, field) < 0) << kCellMiddle;
+  const auto add = [&](const std::array<int, 4>& base, int corners) {
+    const PyramidLoops loops = pyramid_loops(base, corners, negative);
+    for (int l = 0; l < loops.count; ++l) {
+      const PyramidLoop& loop = loops.loop[l];
+      const auto vertex = [&](int i) {
+        const auto& [a, b] = loop.edge[i % loop.size];
+        return b == kCellMiddle ? names.of_middle(cell, a, field)
+                                : names.of_edge(cell, a, b, field);
+      };
+      for (int d = 1; d < loop.size - 1; ++d)
+        piece.triangles.push_back(
+            {vertex(loop.apex), vertex(loop.apex + d), vertex(loop.apex + d + 1)});
+    }
+  };
+  for (int axis = 0; axis < 3; ++axis)
+    for (int side = 0; side < 2; ++side) {
+      const std::array<int, 4> c = corners_of_face(axis, side);
+      if ((divided >> (2 * axis + side) & 1) == 0) {
+        add(c, 4);
+        continue;
+      }
+      add({c[0], c[1], c[2]}, 3);
+      add({c[0], c[2], c[3]}, 3);
+    }
+}
+
+// Both fields at the voxels of a brick and of the first layer of its upper neighbours.
+class BrickSamples {
+ public:
+  BrickSamples(const Fields& fields, const Index3& first) : fields_(fields), first_(first) {
+    for (int x = 0; x < kSide; ++x)
+      for (int y = 0; y < kSide; ++y)
+        for (int z = 0; z < kSide; ++z)
+          samples_[offset(x, y, z)] = fields.at(first + Index3(x, y, z));
+  }
+  CellValues cell(const Index3& at) const {
+    const bool within = at.minCoeff() >= 0 && at.maxCoeff() < kBrickEdge;
+    CellValues corner;
+    for (int c = 0; c < 8; ++c) {
+      const Index3 i = at + corner_offset(c);
+      corner[c] = within ? samples_[offset(i.x(), i.y(), i.z())] : fields_.at(first_ + i);
+    }
+    return corner;
+  }
+  // The faces of a cell, as bits, behind which a cell is divided into tetrahedra.
+  unsigned divided_faces(const Index3& at) const {
+    unsigned faces = 0;
+    for (int axis = 0; axis < 3; ++axis)
+      for (int side = 0; side < 2; ++side)
+        if (kind_of(cell(at + (2 * side - 1) * Index3::Unit(axis))) == CellKind::kMargin)
+          faces |= 1U << (2 * axis + side);
+    return faces;
+  }
+
+ private:
+  static constexpr int kSide = kBrickEdge + 1;
+  static int offset(int x, int y, int z) { return (x * kSide + y) * kSide + z; }
+  const Fields& fields_;
+  Index3 first_;
+  std::array<std::array<float, 2>, kSide * kSide * kSide> samples_;
+};
+
 Piece piece_of(const Fields& fields, const Names& names, const Index3& first) {
-  constexpr int kSide = kBrickEdge + 1;
-  const auto offset = [](int x, int y, int z) { return (x * kSide + y) * kSide + z; };
-  std::array<std::array<float, 2>, kSide * kSide * kSide> samples;
-  for (int x = 0; x < kSide; ++x)
-    for (int y = 0; y < kSide; ++y)
-      for (int z = 0; z < kSide; ++z) samples[offset(x, y, z)] = fields.at(first + Index3(x, y, z));
+  const BrickSamples samples(fields, first);
   Piece piece;
   for (int v = 0; v < kBrickVoxels; ++v) {
     const Index3 at(v >> 6, v >> 3 & 7, v & 7);
-    std::array<int, 2> negatives{};
-    std::array<std::array<float, 2>, 8> corner;
-    for (int c = 0; c < 8; ++c) {
-      const Index3 i = at + corner_offset(c);
-      corner[c] = samples[offset(i.x(), i.y(), i.z())];
-      for (int field = 0; field < 2; ++field) negatives[field] += corner[c][field] < 0;
+    const CellValues corner = samples.cell(at);
+    const CellKind kind = kind_of(corner);
+    if (kind == CellKind::kEmpty) continue;
+    if (kind == CellKind::kMargin) {
+      add_tetrahedra(first + at, corner, names, piece);
+      continue;
     }
-    if (negatives[0] == 0 || negatives[1] == 0 || negatives[0] + negatives[1] == 16) continue;
-    for (const Tetrahedron& t : kTetrahedra) {
-      Corners s;
-      for (int field = 0; field < 2; ++field)
-        for (int c = 0; c < 4; ++c) {
-          s.value[field][c] = corner[t.corner[c]][field];
-          s.negative[field][c] = s.value[field][c] < 0;
-        }
-      for (int field = 0; field < 2; ++field) add_polygon(first + at, t, s, field, names, piece);
-    }
+    const int field = kind == CellKind::kIntact ? 0 : 1;
+    if (const unsigned divided = samples.divided_faces(at); divided != 0)
+      add_pyramids(first + at, corner, field, divided, fields, names, piece);
+    else
+      add_cube(first + at, corner, field, names, piece);
   }
   return piece;
 }
@@ -240,10 +379,31 @@ struct Vertex {
   std::uint8_t tissue;
 };
 
+// Between a cell's corner and its middle.
+Vertex vertex_to_middle(const LayeredTooth& tooth, const Fields& fields, const Index3& cell,
+                        int corner, int field) {
+  const Index3 a = cell + corner_offset(corner);
+  const double u = fields.at(a)[field], v = fields.middle(cell, field), t = u / (u - v);
+  const Vec3 middle = cell.cast<double>() + Vec3::Constant(0.5);
+  Vertex vertex{a.cast<double>() + t * (middle - a.cast<double>()), 0};
+  if (u < 0) {
+    vertex.tissue = tissue_under(tooth, a, cell + corner_offset(7 - corner), t / 2);
+    return vertex;
+  }
+  Index3 deepest = a;
+  for (int c = 0; c < 8; ++c)
+    if (const Index3 i = cell + corner_offset(c); fields.at(i)[field] < fields.at(deepest)[field])
+      deepest = i;
+  vertex.tissue = tissue_under(tooth, deepest, a, 0.5);
+  return vertex;
+}
+
 Vertex vertex_of(const LayeredTooth& tooth, const Fields& fields, const Names& names,
                  std::uint64_t name) {
   const Index3 a = names.voxel(name);
   const auto code = static_cast<int>(name % kCodes);
+  if (code >= kMiddleCodes)
+    return vertex_to_middle(tooth, fields, a, (code - kMiddleCodes) % 8, (code - kMiddleCodes) / 8);
   if (code < kFaceCodes) {
     const int field = code / 7;
     const Index3 b = a + corner_offset(code % 7 + 1);

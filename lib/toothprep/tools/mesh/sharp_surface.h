@@ -3,15 +3,18 @@
 //
 //   inside = { f < 0 and g < 0 },   f = intact, g = -cut   (ToothParts)
 //
-// Every cell of the lattice is divided into six tetrahedra (Kuhn's, which match from cell to cell).
-// In one, both fields are taken as linear, so that inside is a convex polytope and its surface the
-// polygon of f = 0 clipped by g < 0 and that of g = 0 clipped by f < 0. Both end on the same
-// segment, which is the margin. A vertex belongs to an edge (where one field is zero) or to a face
-// (where both are) of the lattice's tetrahedra, so neighbours share it: the surface closes and is
-// 2-manifold, also where a wall is thinner than a voxel. Which of two crossings of an edge comes
-// first is decided exactly, ties by a symbolic shift of g.
+// A cell in which both fields have a zero is divided into six tetrahedra (Kuhn's, which match from
+// cell to cell). In one, both fields are taken as linear, so that inside is a convex polytope and its
+// surface the polygon of f = 0 clipped by g < 0 and that of g = 0 clipped by f < 0. Both end on the
+// same segment, which is the margin. In all other cells the surface is that of one field, made as
+// extract_surface() does it; of those that share a face with a divided cell, by pyramids over the six
+// faces, whose apex is the cell's middle and whose base is cut as the neighbour cuts it. A vertex
+// belongs to an edge (where one field is zero) or to a face (where both are) of these pieces, so
+// neighbours share it: the surface closes and is 2-manifold, also where a wall is thinner than a
+// voxel. Which of two crossings of an edge comes first is decided exactly, ties by a symbolic shift
+// of g.
 //
-// Error: that of linear interpolation over a tetrahedron, at most 3/8 D² times the curvature of a
+// Error near the margin: that of linear interpolation over a tetrahedron, at most 3/8 D² times the curvature of a
 // field (D the voxel) and about a third of it on average; along the margin divided by the sine of
 // the angle between both surfaces. Creases of one field (where a cavity's floor meets its wall) are
 // bevelled within a voxel, as in extract_surface().
