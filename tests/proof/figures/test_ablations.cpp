@@ -10,6 +10,7 @@
 #include "toothprep/proof/figures/ablated_session.h"
 #include "toothprep/proof/figures/experiment.h"
 #include "toothprep/proof/figures/figures.h"
+#include "toothprep/proof/reference/closed_forms.h"
 #include "toothprep/proof/specimen/block.h"
 #include "toothprep/step/bur/bur_shapes.h"
 #include "toothprep/step/core/units.h"
@@ -87,6 +88,31 @@ TEST(Ablations, WithoutTheSecondLayerContactIsLost) {
   EXPECT_GT(without_contact(Layers::kMet), 0.1);
 }
 
+// Mean force against the feed of a ball in full contact over its closed form.
+double force_with_equal_areas(int neighbours) {
+  const Scene scene;
+  Workpiece workpiece(scene.tooth);
+  const Parameters p = parameters_with(EngineKind::kVoxel);
+  Ablation ablation;
+  ablation.equal_area = neighbours;
+  AblatedSession session(scene.bur, workpiece, p, Drive::kDirect, ablation, Scene::handle(0));
+  double sum = 0;
+  for (int i = 1; i <= 2400; ++i) {
+    const double force = session.step(Scene::handle(i)).grinding_force.y();
+    if (i > 1400) sum += force / 1000;
+  }
+  const GrindingProperties& dentin = p.tissue[1];
+  const reference::Grinding g{dentin.specific_energy, dentin.force_ratio,
+                              p.handpiece.rotation_rate};
+  return sum / reference::ball_side_feed(g, 0.5, kFeed).against;
+}
+
+TEST(Ablations, TheSameAreaForEveryBoundaryVoxelIsBiased) {
+  EXPECT_NEAR(force_with_equal_areas(0), 1, 0.03);  // the true surface's areas
+  EXPECT_LT(force_with_equal_areas(6), 0.9);        // too few voxels are boundary
+  EXPECT_GT(force_with_equal_areas(26), 1.05);      // too many
+}
+
 TEST(Ablations, ExplicitEulerDivergesWhereBackwardEulerDoesNot) {
   // 2 m/h = 0.016 N·s/mm is far below the ball's resistance.
   for (const Integrator integrator :
@@ -108,11 +134,12 @@ TEST(Ablations, ExplicitEulerDivergesWhereBackwardEulerDoesNot) {
 
 TEST(Ablations, AFilteredVelocityLagsByTheTimeOfItsCutoff) {
   const double cutoff = 10;
+  Ablation ablation;
+  ablation.filter_hz = cutoff;
   const Scene scene;
   Workpiece workpiece(scene.tooth);
   AblatedSession session(scene.bur, workpiece, parameters_with(EngineKind::kLevelset),
-                         Drive::kDirect, {Layers::kTwo, Integrator::kBackward, cutoff},
-                         Scene::handle(0));
+                         Drive::kDirect, ablation, Scene::handle(0));
   constexpr int kStop = 1000;
   double before = 0;
   for (int i = 1; i <= kStop; ++i)

@@ -88,6 +88,8 @@ TEST(Experiment, WhatIsWrongIsNamedByItsKey) {
       {"kind = 'ablations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\ndrive = 'direct'\n"
        "integrator = 'explicit'",
        "integrator: must be \"backward\""},
+      {"kind = 'ablations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\nequal_area = 8",
+       "equal_area: must be 6, 18 or 26"},
       {"kind = 'preparations'\nbur = 'b'\ntrajectory = 'p'\n[[run]]\nname = 'a'\n"
        "block = { enamel_mm = 1.0 }",
        "block: stands at the top"},

@@ -31,14 +31,14 @@ TEST(RiseInLayer, DependsOnStiffnessOverResistanceAlone) {
 
 TEST(RiseInLayer, GrowsWithTheStiffnessTowardsDirectDrive) {
   double last = 0;
-  for (const double k : {0.1, 0.3, 1.0, 3.0, 10.0, 100.0}) {
+  for (const double k : {0.1, 0.3, 1.0, 3.0, 10.0}) {
     const double now = share(k);
     EXPECT_GT(now, last) << k;
     EXPECT_LT(now, 1) << k;
     last = now;
   }
   // At k = 100 N/mm the time constant, 0.09 s, is short against 2 mm at 0.5 mm/s.
-  EXPECT_GT(last, 0.995);
+  EXPECT_NEAR(share(100), 1, 1e-3);
 }
 
 TEST(RiseInLayer, IsNoMoreThanTheClosedFormOfABurThatIsEngagedFromTheStart) {

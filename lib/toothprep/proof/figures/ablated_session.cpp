@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "toothprep/proof/figures/equal_area_engine.h"
 #include "toothprep/proof/figures/one_layer_engine.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/session/stages.h"
@@ -21,7 +22,10 @@ Vec3 explicit_velocity(const Coupling& c, double h, const CouplingState& s, cons
 AblatedSession::AblatedSession(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
                                Drive drive, const Ablation& ablation, const HandleSample& first)
     : model_{parameters, drive, {}, {}}, ablation_(ablation) {
-  if (ablation.layers == Layers::kTwo)
+  if (ablation.equal_area > 0)
+    engine_ = std::make_unique<EqualAreaEngine>(bur, workpiece, parameters, first.pose,
+                                                ablation.equal_area);
+  else if (ablation.layers == Layers::kTwo)
     engine_ = make_engine(bur, workpiece, parameters, first.pose);
   else
     engine_ =

@@ -3,6 +3,7 @@
 // the same rows.
 //
 //   layers      removal without the second layer of bur voxels (one_layer_engine.h)
+//   equal_area  the same area for every boundary voxel (equal_area_engine.h)
 //   integrator  of the bur on its spring: backward Euler (the paper's), or with the forces of the
 //               step's start: v+ = v + h/m (F_VC + F_G(v)), and P+ = P + h v (explicit) or
 //               P + h v+ (semi-implicit)

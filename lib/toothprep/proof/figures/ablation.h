@@ -20,7 +20,13 @@ enum class Integrator {
 struct Ablation {
   Layers layers = Layers::kTwo;  // other than kTwo: voxel engine only
   Integrator integrator = Integrator::kBackward;
+  // Voxel engine, two layers: 0: the part of the bur's true surface that each boundary voxel stands
+  // for. 6, 18 or 26: the same area for every cell with so many kinds of neighbours
+  // (equal_area_engine.h).
+  int equal_area = 0;
   double filter_hz = 0;  // direct drive: cutoff of a low-pass on the velocity; 0: none
+
+  bool operator==(const Ablation&) const = default;
 };
 
 }  // namespace toothprep::figures

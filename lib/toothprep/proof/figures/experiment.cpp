@@ -84,6 +84,12 @@ void read_ablation(StrictTable& table, Run& run) {
     run.ablation.integrator = *x == "backward"   ? Integrator::kBackward
                               : *x == "explicit" ? Integrator::kExplicit
                                                  : Integrator::kSemiImplicit;
+  if (const auto x = table.integer("equal_area")) run.ablation.equal_area = static_cast<int>(*x);
+  const int kinds = run.ablation.equal_area;
+  if (kinds != 0 && kinds != 6 && kinds != 18 && kinds != 26)
+    table.refuse("equal_area", "must be 6, 18 or 26, or 0 for the true surface");
+  if (kinds != 0 && (run.engine != EngineKind::kVoxel || run.ablation.layers != Layers::kTwo))
+    table.refuse("equal_area", "is of engine = \"voxel\" with layers = \"two\" only");
   if (const auto x = table.number("filter_hz")) run.ablation.filter_hz = *x;
   if (!(run.ablation.filter_hz >= 0)) table.refuse("filter_hz", "must not be negative");
   if (run.ablation.layers != Layers::kTwo && run.engine != EngineKind::kVoxel)
