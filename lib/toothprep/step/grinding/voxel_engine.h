@@ -15,8 +15,8 @@
 // up to a fifth of the contact comes and goes.)
 //
 // Each boundary voxel stands for the part of the bur's true surface that is nearest to it: normal,
-// dphi dl and ds are summed over that part. (Areas of D² for each are off by -20 to +35 %,
-// depending on which neighbours make a voxel a boundary voxel, at every pitch.)
+// dphi dl and ds are summed over that part. (Areas of D² for each are off by -22 to +17 %,
+// depending on which neighbours make a voxel a boundary voxel, and no better at half of D.)
 //
 // The cavity stays one voxel too small on every side, so the work of the torque exceeds the energy
 // of what was removed: R/(R - D) · L/(L - 2D) for a cylinder, 1.29 for the paper's at D = 0.1 mm
