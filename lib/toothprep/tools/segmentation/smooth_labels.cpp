@@ -124,8 +124,9 @@ class Sampler {
     const Index3 size = (last_ + Vec3::Constant(1.5)).cast<int>();
     for (const std::size_t v : surface.band()) {
       const auto n = static_cast<std::ptrdiff_t>(v);
-      const Vec3 at(static_cast<double>(n % size.x()), static_cast<double>(n / size.x() % size.y()),
-                    static_cast<double>(n / size.x() / size.y()));
+      const std::ptrdiff_t row = n / size.x(), plane = row / size.y();
+      const Vec3 at(static_cast<double>(n % size.x()), static_cast<double>(row % size.y()),
+                    static_cast<double>(plane));
       const Index3 i = box_.lattice.to_index(frame_.to_world(at + low_.cast<double>()))
                            .array()
                            .round()
