@@ -33,7 +33,7 @@ Vec3 load_velocity(double max_speed, const Vec3& rail, const Vec3& load, const M
     return (drag * Mat3::Identity() - resistance).inverse() * push;
   };
   double high = push.norm() / max_speed, low = kNoDrag * high;
-  const Vec3 undamped = slowed_by(low);
+  Vec3 undamped = slowed_by(low);
   if (undamped.norm() <= max_speed) return undamped;
   for (int i = 0; i < kDoublings && !(slowed_by(high).norm() <= max_speed); ++i) high *= 2;
   for (int i = 0; i < kHalvings; ++i) {

@@ -160,7 +160,10 @@ class BestWay {
     Grid<int> next{kSteps};  // lane of the next step; -1 at the end
   };
 
-  static double offset(int j) { return (j - kLanes / 2) * kApart; }
+  static double offset(int j) {
+    constexpr int kMiddle = kLanes / 2;
+    return (j - kMiddle) * kApart;
+  }
   [[nodiscard]] Vec2 place(int i, int j) const {
     return terrain_.middle + i * kApart * along_ + offset(j) * aside_;
   }
