@@ -20,6 +20,7 @@
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
+#include "toothprep/tools/io/file_extension.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/plain_text.h"
 #include "toothprep/tools/mesh_files/mesh_file.h"
@@ -324,9 +325,7 @@ void run(const Options& o) {
   if (!fs::exists(o.file, error))
     throw InputError(o.file, "", "does not exist", "check the file's name");
   const bool folder = fs::is_directory(o.file, error);
-  std::string extension = fs::path(o.file).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = file_extension(o.file);
   Json info;
   Warnings warnings;
   info["schema"] = "toothprep-info";

@@ -4,7 +4,6 @@
 #include <tbb/global_control.h>
 #include <unistd.h>
 
-#include <cctype>
 #include <cerrno>
 #include <cstdio>
 #include <exception>
@@ -22,6 +21,7 @@
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/child_process.h"
+#include "toothprep/tools/io/file_extension.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/part.h"
 #include "toothprep/tools/io/plain_text.h"
@@ -45,9 +45,7 @@ void say(const Common& common, const std::string& line) {
 void warn(const std::string& line) { std::cerr << "warning: " << one_line(line) << '\n'; }
 
 bool has_extension(const std::string& path, const std::string& extension) {
-  std::string end = std::filesystem::path(path).extension().string();
-  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return end == extension;
+  return file_extension(path) == extension;
 }
 
 std::string data_folder() {

@@ -6,7 +6,7 @@ BUSY = "the machine is too busy"
 
 
 def ended_well(status, said):
-    return status == 0 or BUSY in said
+    return status == 0 or status == 1 and BUSY in said
 
 
 def settled(run, args, folder):

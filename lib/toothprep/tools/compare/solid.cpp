@@ -3,8 +3,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <cctype>
-#include <filesystem>
 #include <mutex>
 #include <unordered_map>
 
@@ -13,6 +11,7 @@
 #include "toothprep/step/tooth/level_at.h"
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/io/file_extension.h"
 #include "toothprep/tools/mesh_files/mesh_file.h"
 #include "toothprep/tools/shells/shells.h"
 
@@ -298,9 +297,7 @@ Solid solid_of(std::string name, LayeredTooth tooth) {
 }
 
 Solid read_solid(const std::string& path, double voxel, std::optional<double> mm_per_unit) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string extension = file_extension(path);
   if (extension == ".vdb") {
     ToothReading reading = read_tooth_with_warnings(path);
     Solid solid = solid_of(path, std::move(reading.tooth));

@@ -1,12 +1,11 @@
 // Triangle meshes as PLY, STL, OBJ and VTK files.
 #include <algorithm>
 #include <bit>
-#include <cctype>
 #include <cstring>
-#include <filesystem>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/number_text.h"
+#include "toothprep/tools/io/file_extension.h"
 #include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/mesh/surface.h"
 
@@ -153,18 +152,10 @@ Bytes obj_of(const TriangleMesh& mesh) {
   return out;
 }
 
-// In lower case.
-std::string extension_of(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return extension;
-}
-
 }  // namespace
 
 void check_mesh_name(const std::string& path) {
-  const std::string extension = extension_of(path);
+  const std::string extension = file_extension(path);
   if (extension != ".ply" && extension != ".stl" && extension != ".obj" && extension != ".vtk")
     throw Error(path + ": a mesh is written as .ply, .stl, .obj or .vtk, not '" + extension + "'");
 }
@@ -172,7 +163,7 @@ void check_mesh_name(const std::string& path) {
 void write_mesh(const TriangleMesh& mesh, const std::string& path,
                 const VertexAttributes& attributes) {
   check_mesh_name(path);
-  const std::string extension = extension_of(path);
+  const std::string extension = file_extension(path);
   if (mesh.triangles.empty()) throw Error(path + ": nothing to write, the surface is empty");
   for (const auto& scalar : attributes.scalars)
     if (scalar.values.size() != mesh.vertices.size())

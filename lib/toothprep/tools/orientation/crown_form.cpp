@@ -6,8 +6,8 @@
 #include <functional>
 #include <numeric>
 
-#include "toothprep/step/core/gaussian_mean.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/tools/orientation/gaussian_mean.h"
 
 namespace toothprep {
 namespace {

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/core/gaussian_mean.h"
 #include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/tools/orientation/gaussian_mean.h"
 
 namespace toothprep {
 namespace {
