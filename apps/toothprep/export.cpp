@@ -22,6 +22,7 @@ void run(const Options& o, const Common& common) {
   outputs.begin();
   const Trace trace = read_trace(o.trace);
   if (trace.unfinished) warn(unfinished_text(o.trace));
+  if (trace.rows_every > 1) warn(sparse_text(o.trace, trace.rows_every));
   if (!trace.events.events.empty())
     say(common, fmt::format("{}: its {} events (pause, undo, ...) are not in the table", o.trace,
                             trace.events.events.size()));

@@ -137,6 +137,7 @@ Json events_json(const SessionEvents& all) {
 void describe_trace(const std::string& path, Json& info, Warnings& warnings) {
   const Trace trace = read_trace(path);
   if (trace.unfinished) warnings.push_back(unfinished_text(path));
+  if (trace.rows_every > 1) warnings.push_back(sparse_text(path, trace.rows_every));
   info["kind"] = "trace";
   info["file_schema"] = "toothprep-trace";
   std::vector<HandleSample> handle;
@@ -159,6 +160,7 @@ void describe_trace(const std::string& path, Json& info, Warnings& warnings) {
   info["peak_device_force_n"] = device;
   info["peak_torque_mnm"] = torque;
   info["stalled_steps"] = stalled;
+  if (trace.rows_every > 1) info["rows_every"] = trace.rows_every;
   info["largest_lag_mm"] = lag;
   info["tissues"] = Json::array();  // that were touched or removed
   for (int k = 0; k < kTissueCount; ++k)

@@ -12,6 +12,7 @@
 #include "toothprep/step/core/hash.h"
 #include "toothprep/tools/files/framed_trajectory_file.h"
 #include "toothprep/tools/files/tooth_file.h"
+#include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/recordings/import_recording.h"
@@ -36,6 +37,7 @@ void run(const Options& o, const Common& common) {
   const Bur bur = make_bur(o.bur, data_folder() + "/burs");
   PathFrame frame = PathFrame::kFile;
   Trajectory path = read_trajectory(o.trajectory, frame);
+  if (path.rows_every > 1) warn_or_refuse({sparse_text(o.trajectory, path.rows_every)}, o.strict);
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
   PlacedPath result = place_path(without_rejected(path), frame, o.trajectory, o.placing, tooth);
   const ToothFrame own = frame_of(tooth, o.placing);

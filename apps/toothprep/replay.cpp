@@ -36,13 +36,15 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kFarFromTooth = 5.0;  // mm
+constexpr double kFarFromTooth = 5.0;     // mm
+constexpr double kMostBetweenRows = 0.1;  // s: readers of trajectories refuse larger gaps
 
 struct Options {
   SessionOptions session;
   PlacingOptions placing;
   std::string trajectory, output, prepared;
   bool force = false, json = false, strict = false, allow_gaps = false;
+  std::size_t trace_every = 1;
 };
 
 // Of the force on the hand while the bur touched tissue: in air it is the coupling's alone, which
@@ -177,10 +179,18 @@ void run(const Options& o, const Common& common) {
   outputs.begin();
 
   const Parameters parameters = load_parameters(o.session);
+  if (static_cast<double>(o.trace_every) * parameters.time_step > kMostBetweenRows * (1 + 1e-9))
+    throw Error(
+        fmt::format("--trace-every: {} steps of {:g} s are more than {:g} s, so the trace "
+                    "would show no motion any more; at most {:.0f}",
+                    o.trace_every, parameters.time_step, kMostBetweenRows,
+                    std::floor(kMostBetweenRows / parameters.time_step * (1 + 1e-9))));
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
   PathFrame frame = PathFrame::kFile;
   Trajectory trajectory = read_trajectory(o.trajectory, frame);
   if (trajectory.unfinished) warn_or_refuse({unfinished_text(o.trajectory)}, o.strict);
+  if (trajectory.rows_every > 1)
+    warn_or_refuse({sparse_text(o.trajectory, trajectory.rows_every)}, o.strict);
   const bool loaded = drive_of(o.session) == Drive::kLoad;
   std::vector<Finding> findings =
       judge_motion(without_rejected(trajectory).samples, drive_of(o.session));
@@ -235,7 +245,7 @@ void run(const Options& o, const Common& common) {
   trace.rows = std::move(r.rows);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
-  write_trace(trace, output);
+  write_trace(o.trace_every > 1 ? every_nth_row(trace, o.trace_every) : trace, output);
   if (!prepared.empty()) {
     apply_cut(tooth, workpiece.cut());
     write_tooth(tooth, prepared);
@@ -263,6 +273,9 @@ void add_replay(CLI::App& app, const Common& common) {
       "Handle's motion: script .toml, .csv, or .h5 (formats in data/trajectories); required");
   add_placing_options(*sub, o->placing, "--place");
   sub->add_option("-o,--output", o->output, "Trace to write (.h5), required");
+  sub->add_option("--trace-every", o->trace_every,
+                  "Write every Nth step only to the trace (1: all; up to 0.1 s between rows)")
+      ->check(CLI::Range(std::size_t{1}, kMostSamples));
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");
   add_strict(

@@ -79,6 +79,11 @@ std::unique_ptr<Recording> read_recording(const Options& o, const std::string& p
                                           const LayeredTooth& tooth) {
   Trace trace = read_trace(path);
   if (trace.unfinished) warn(unfinished_text(path));
+  if (trace.rows_every > 1)
+    throw InputError(path, "rows_every",
+                     "it holds every " + std::to_string(trace.rows_every) +
+                         "th step only, and the tooth can't be cut again from that",
+                     "replay its trajectory without --trace-every");
   if (!trace.tooth_sha256.empty() && trace.tooth_sha256 != tooth_sha256(tooth))
     throw InputError(path, "tooth_sha256", "it was recorded on another tooth",
                      "give the tooth as it was before the session");

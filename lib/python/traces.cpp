@@ -53,6 +53,7 @@ py::dict attributes_of(const Trace& trace) {
   a["torque_work_mJ"] = trace.audit.torque_work_mj;
   a["removed_energy_mJ"] = trace.audit.removed_energy_mj;
   a["energy_ratio"] = trace.audit.energy_ratio;
+  if (trace.rows_every > 1) a["rows_every"] = trace.rows_every;
   if (trace.events.events.empty()) return a;
   py::list events;
   for (const SessionEvent& e : trace.events.events)
@@ -163,6 +164,8 @@ void save_trace(const py::dict& arrays, const py::dict& attributes, const py::ob
   trace.audit = {attributes["torque_work_mJ"].cast<double>(),
                  attributes["removed_energy_mJ"].cast<double>(),
                  attributes["energy_ratio"].cast<double>()};
+  if (attributes.contains("rows_every"))
+    trace.rows_every = attributes["rows_every"].cast<std::size_t>();
   trace.events = events_of(attributes);
   const std::string name = path_of(path);
   run_long(py::none(), [&](Progress&) {

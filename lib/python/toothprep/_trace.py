@@ -18,6 +18,7 @@ class Trace(dict):
 
     attributes: what the file says at its root: parameters (complete TOML), tooth_sha256, bur, drive, engine,
     toothprep_version, initial_overlap_mm3, and the audit torque_work_mJ, removed_energy_mJ, energy_ratio;
+    rows_every of a trace that holds every such step only;
     of a live session that was paused, changed or taken back also events, (time, kind, arguments) of each, and event_burs.
     """
 

@@ -47,10 +47,12 @@ class MemoryRounds(CommandTest):
         self.write("path.toml", PATH)
         self.write("fake/count", "0\n")
         for name, text in (("sbatch", SBATCH), ("squeue", '#!/bin/sh\ncat "$FAKE/squeue.txt"\n'),
-                           ("sacct", '#!/bin/sh\ncat "$FAKE/sacct.txt"\n'), ("scontrol", "#!/bin/sh\nexit 1\n")):
+                           ("sacct", '#!/bin/sh\ncat "$FAKE/sacct.txt"\n'), ("scontrol", "#!/bin/sh\nexit 1\n"),
+                           ("sinfo", '#!/bin/sh\ncat "$FAKE/sinfo.txt"\n')):
             self.write(f"fake/{name}", text)
             os.chmod(self.path(f"fake/{name}"), 0o755)
         self.write("fake/squeue.txt", "")
+        self.write("fake/sinfo.txt", "")
         self.environment = dict(os.environ, FAKE=self.path("fake"), PATH=self.path("fake") + ":" + os.environ["PATH"])
 
     def submit(self):
@@ -107,6 +109,15 @@ class MemoryRounds(CommandTest):
             self.write("fake/sacct.txt", state + "\n")
             self.job(collector)
             self.assertEqual(self.asked(collector // 2 + 1), asked, state)
+
+    def test_no_more_memory_is_asked_for_than_the_largest_node_has(self):
+        self.write("fake/sinfo.txt", "150\n330\n240\n")
+        self.write("fake/sacct.txt", "OUT_OF_MEMORY\n")
+        self.submit()
+        for asked in (200, 330, 330):
+            collector = int(self.read("fake/count"))
+            self.job(collector)
+            self.assertEqual(self.asked(collector // 2 + 1), (10, asked))
 
     def test_without_accounts_both_are_doubled(self):
         self.submit()

@@ -108,6 +108,31 @@ TEST_F(TraceFile, OneRowAndARatioOfNothingAreATrace) {
   EXPECT_EQ(back.bur, trace.bur);
 }
 
+TEST_F(TraceFile, EveryNthRowKeepsTheLastAndThoseWithEvents) {
+  Trace trace = synthetic_trace(100);
+  trace.rows[0].handle.rejected = false;
+  trace.events.burs = {trace.bur};
+  SessionEvent pause;
+  pause.time = trace.rows[41].handle.time;
+  pause.kind = EventKind::kPause;
+  trace.events.events = {pause};
+  const Trace sparse = every_nth_row(trace, 10);
+  Trace expected = trace;
+  expected.rows.clear();
+  for (const std::size_t i : {0, 10, 20, 30, 40, 41, 50, 60, 70, 80, 90, 99})
+    expected.rows.push_back(trace.rows[i]);
+  expect_same_rows(sparse, expected);
+  write_trace(sparse, path_);
+  EXPECT_EQ(read_trace(path_).rows_every, 10u);
+  EXPECT_EQ(read_h5_trajectory(path_).rows_every, 10u);
+  expect_same_rows(read_trace(path_), expected);
+
+  EXPECT_EQ(every_nth_row(trace, 1).rows_every, 1u);
+  EXPECT_EQ(every_nth_row(trace, 1000).rows.size(), 3u);
+  EXPECT_THROW(static_cast<void>(every_nth_row(trace, 0)), Error);
+  EXPECT_THROW(static_cast<void>(every_nth_row(sparse, 2)), Error);
+}
+
 TEST_F(TraceFile, ATraceIsATrajectoryOfItsHandle) {
   Trace trace = synthetic_trace(100);
   trace.measured_force.assign(100, Vec3(1, 2, 3));

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -300,8 +301,21 @@ bool any_killed(const fs::path& folder, const std::vector<std::string>& jobs) {
   return false;
 }
 
-// More time or memory where a job of the last round ended for want of it, or where nobody knows.
-Round next_round(const fs::path& folder, const Round& last, std::size_t left) {
+// Of the largest node of the partition (all of them without a name), MB; infinite if nobody says.
+double largest_memory_mb(const std::string& partition) {
+  std::vector<std::string> question = {"sinfo", "--noheader", "--Node", "--format=%m"};
+  if (!partition.empty()) question.push_back("--partition=" + partition);
+  const Answer answer = ask_slurm(question);
+  double most = 0;
+  std::istringstream lines(answer.good ? answer.text : "");
+  for (std::string line; std::getline(lines, line);) most = std::max(most, std::atof(line.c_str()));
+  return most > 0 ? most : std::numeric_limits<double>::infinity();
+}
+
+// More time or memory where a job of the last round ended for want of it, or where nobody knows;
+// not more memory than a node has, since Slurm refuses such a job.
+Round next_round(const BatchOptions& o, const SlurmOptions& s, const Round& last,
+                 std::size_t left) {
   Round next = last;
   ++next.number;
   next.jobs.clear();
@@ -313,8 +327,10 @@ Round next_round(const fs::path& folder, const Round& last, std::size_t left) {
     states.counts[state] += count;
   const bool unknown = states.counts.empty();
   if (unknown || states.counts.count("TIMEOUT")) next.minutes *= 2;
-  if (unknown || states.counts.count("OUT_OF_MEMORY") || any_killed(folder, workers))
-    next.memory_mb *= 2;
+  if (unknown || states.counts.count("OUT_OF_MEMORY") || any_killed(o.folder, workers))
+    next.memory_mb = std::max(
+        last.memory_mb,
+        std::min(2 * last.memory_mb, std::floor(largest_memory_mb(s.partition) / o.at_once)));
   return next;
 }
 
@@ -379,7 +395,7 @@ bool collect_from_slurm(const BatchManifest& m, const BatchOptions& o, const Slu
     write_file((slurm_folder(o.folder) / "complete").string(), std::to_string(last->number) + "\n");
     return true;
   }
-  submit_round(m, o, s, known, next_round(o.folder, *last, known.left.size()));
+  submit_round(m, o, s, known, next_round(o, s, *last, known.left.size()));
   return false;
 }
 

@@ -140,6 +140,11 @@ MeasuredRecording parse_recording(h5::Reader& in, RecordedPose pose) {
   if (in.number("schema_version").value_or(0) == 2)
     in.refuse("/events", "the session was paused, taken back or went on with another bur",
               "calibrate by a recording of one bur on one tooth");
+  if (in.number("rows_every").value_or(1) > 1)
+    in.refuse("attribute rows_every",
+              "is " + h5::printable(fmt::format("{:g}", *in.number("rows_every"))) +
+                  ": the steps in between, and what the bur cut in them, are missing",
+              "calibrate by a trace of all steps");
   if (!in.has(owner + "/position"))
     in.refuse(owner + "/position", "is missing",
               pose == RecordedPose::kHandle

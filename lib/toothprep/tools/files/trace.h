@@ -31,7 +31,16 @@ struct Trace {                       // a trace file in memory
   std::vector<Vec3> measured_force;  // N; empty or one per row
   SessionEvents events;              // what was done to a live session; then schema_version is 2
   bool unfinished = false;           // a live recording that was not closed: killed, or it runs
+  // More than 1: of the run's rows it holds every such one, the last, and those with events.
+  std::size_t rows_every = 1;
 };
+
+// The trace with every `every`-th row only, bit for bit, and as Trace::rows_every says. The audit
+// stays that of the whole run.
+[[nodiscard]] Trace every_nth_row(const Trace& trace, std::size_t every);
+
+// The warning of a trace or trajectory `path` that holds every `every`-th step only.
+[[nodiscard]] std::string sparse_text(const std::string& path, std::size_t every);
 
 // The warning of a live recording `path` that was not closed.
 [[nodiscard]] std::string unfinished_text(const std::string& path);

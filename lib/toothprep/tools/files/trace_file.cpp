@@ -19,6 +19,7 @@ constexpr int kSchemaVersion = 1;
 constexpr const char* kMeasured = "/force/measured";
 constexpr const char* kApplied = "/force/applied";
 constexpr const char* kRejected = "/reading_rejected";
+constexpr const char* kRowsEvery = "rows_every";
 constexpr double kMostButtons = 4294967295.0;
 
 // What the reader would refuse must not be written.
@@ -46,6 +47,14 @@ void check_schema(const Reader& in, bool required) {
                   std::to_string(kSchemaVersion) + " and " +
                   std::to_string(kSchemaVersionWithEvents),
               "use a newer toothprep");
+}
+
+// 1 where the attribute is absent.
+std::size_t read_rows_every(const Reader& in) {
+  const double every = in.number(kRowsEvery).value_or(1);
+  if (!(every >= 1 && every <= kMostSamples && every == std::floor(every)))
+    in.refuse(std::string("attribute ") + kRowsEvery, "must be a whole number from 1");
+  return static_cast<std::size_t>(every);
 }
 
 // Those of the rows up to `last`, s.
@@ -115,6 +124,7 @@ Trajectory parse_trajectory(Reader& in) {
   const std::vector<double> position = in.read(in.open("/handle/position", "mm", 3, true));
   Trajectory trajectory;
   trajectory.unfinished = in.growing();
+  trajectory.rows_every = read_rows_every(in);
   trajectory.samples.resize(time.size());
   for (std::size_t i = 0; i < time.size(); ++i) {
     trajectory.samples[i].time = time[i];
@@ -152,6 +162,30 @@ std::string unfinished_text(const std::string& path) {
          ": was not closed (its program was killed, or still runs), so it ends at its last flush";
 }
 
+std::string sparse_text(const std::string& path, std::size_t every) {
+  return path + ": holds every " + std::to_string(every) +
+         "th step only, so what happened in between (peaks, short stalls, turns) isn't in it";
+}
+
+Trace every_nth_row(const Trace& trace, std::size_t every) {
+  if (every == 0) throw Error("every 0th row can't be kept");
+  if (!trace.measured_force.empty() || trace.rows_every != 1)
+    throw Error("only a trace of a whole run, without measured forces, can lose rows");
+  Trace sparse = trace;
+  if (every == 1) return sparse;
+  sparse.rows_every = every;
+  sparse.rows.clear();
+  auto event = trace.events.events.begin();
+  for (std::size_t i = 0; i < trace.rows.size(); ++i) {
+    const StepRecord& row = trace.rows[i];
+    bool changed = false;
+    for (; event != trace.events.events.end() && event->time <= row.handle.time; ++event)
+      changed = true;
+    if (i % every == 0 || changed || i + 1 == trace.rows.size()) sparse.rows.push_back(row);
+  }
+  return sparse;
+}
+
 Trace parse_trace(Reader& in) {
   check_schema(in, true);
   Trace trace;
@@ -167,6 +201,7 @@ Trace parse_trace(Reader& in) {
   trace.audit.energy_ratio = audit("energy_ratio");
   trace.bur = in.text("bur").value_or("");
   trace.unfinished = in.growing();
+  trace.rows_every = read_rows_every(in);
   trace.drive = in.text("drive").value_or("");
   trace.engine = in.text("engine").value_or("");
   trace.initial_overlap_mm3 = in.number("initial_overlap_mm3").value_or(0.0);
@@ -240,6 +275,7 @@ void write_trace_head(h5::Writer& out, const Trace& trace) {
   out.number("torque_work_mJ", trace.audit.torque_work_mj);
   out.number("removed_energy_mJ", trace.audit.removed_energy_mj);
   out.number("energy_ratio", trace.audit.energy_ratio);
+  if (trace.rows_every > 1) out.integer(kRowsEvery, static_cast<std::int64_t>(trace.rows_every));
 
   for (const char* group : {"/handle", "/bur", "/force", "/contact", "/removed"}) out.group(group);
 }

@@ -139,6 +139,7 @@ std::vector<std::string> add_process(const AssessmentOptions& options, Assessmen
   for (const std::string& file : options.traces) {
     Trace trace = read_trace(file);
     if (trace.unfinished) warnings.push_back(unfinished_text(file));
+    if (trace.rows_every > 1) warnings.push_back(sparse_text(file, trace.rows_every));
     for (const std::string& warning : judge_trace(file, trace)) warnings.push_back(warning);
     if (result.trace) {  // made on what the one before left
       starts.push_back(append_recording(result.trace->rows, trace.rows));

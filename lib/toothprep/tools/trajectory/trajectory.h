@@ -22,6 +22,7 @@ struct Trajectory {                   // a commanded motion, at any rate
   bool loaded = false;                // the samples' `load` is given
   SessionEvents events;               // of a live session that was paused, changed, taken back
   bool unfinished = false;            // of a live recording that was not closed: killed, or it runs
+  std::size_t rows_every = 1;         // more: of a trace's steps it holds every such one only
 };
 
 // Takes a recorded quaternion as an orientation: false unless its length is 1 to 1e-3. It is
