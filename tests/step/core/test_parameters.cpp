@@ -47,6 +47,7 @@ std::string bits(const Parameters& p) {
   add(p.handpiece.clockwise);
   add(static_cast<int>(p.handpiece.model));
   add(static_cast<int>(p.handpiece.stall_rule));
+  add(p.handpiece.droop_exponent);
   add(p.coupling.stiffness);
   add(p.coupling.damping);
   add(p.coupling.bur_mass);
@@ -98,6 +99,7 @@ rotation_rate_rev_s = 250
 stall_torque_mnm = inf
 clockwise = false
 model = "droop"
+droop_exponent = 2.5
 [coupling]
 stiffness_n_per_mm = 0.5
 damping_n_s_per_mm = 0.002
@@ -118,6 +120,7 @@ kind = "voxel"
   EXPECT_TRUE(std::isinf(p.handpiece.stall_torque));
   EXPECT_FALSE(p.handpiece.clockwise);
   EXPECT_EQ(p.handpiece.model, HandpieceModel::kDroop);
+  EXPECT_EQ(p.handpiece.droop_exponent, 2.5);
   EXPECT_EQ(p.coupling.stiffness, 0.5);
   EXPECT_EQ(p.coupling.damping, 0.002);
   EXPECT_DOUBLE_EQ(p.coupling.bur_mass, 16e-6);
@@ -209,6 +212,10 @@ TEST(Parameters, WhatCannotBeIsRefusedByName) {
       {"[handpiece]\nstall_torque_mnm = nan", "handpiece.stall_torque_mnm: must be positive"},
       {"[handpiece]\nstall_torque_mnm = -inf", "got -inf"},
       {"[handpiece]\nclockwise = 1", "handpiece.clockwise: must be true or false"},
+      {"[handpiece]\ndroop_exponent = 0", "must be 0.5, 1, 1.5, ... or 8"},
+      {"[handpiece]\ndroop_exponent = 1.2", "handpiece.droop_exponent"},
+      {"[handpiece]\ndroop_exponent = 8.5", "handpiece.droop_exponent"},
+      {"[handpiece]\ndroop_exponent = nan", "handpiece.droop_exponent"},
       {"[handpiece]\nmodel = 'drop'", "did you mean \"droop\""},
       {"[coupling]\nstiffness_n_per_mm = 0", "coupling.stiffness_n_per_mm"},
       {"[coupling]\ndamping_n_s_per_mm = -0.1", "coupling.damping_n_s_per_mm"},
@@ -267,6 +274,7 @@ TEST(Parameters, AnyParametersAreReadBackBitForBit) {
     p.tissue[0].specific_energy = 1.99 * std::ldexp(1.0, i % 9) + 1e-13 * i;
     p.handpiece = {any(), i % 5 ? any() : std::numeric_limits<double>::infinity(), i % 3 == 0,
                    i % 7 ? HandpieceModel::kDroop : HandpieceModel::kFixed};
+    p.handpiece.droop_exponent = 0.5 * (1 + i % 16);
     p.coupling = {any(), i % 4 ? any() : 0.0, any() * 1e-6};
     p.time_step = std::ldexp(any(), -25);
     p.engine = i % 2 ? EngineKind::kVoxel : EngineKind::kLevelset;

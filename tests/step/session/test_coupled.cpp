@@ -5,6 +5,7 @@
 
 #include "experiment.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/step/session/handpiece.h"
 #include "toothprep/step/session/implicit_step.h"
 #include "toothprep/step/session/stages.h"
 
@@ -272,6 +273,63 @@ TEST(Droop, ImposedForceHasItsOperatingPointOnTheLine) {
   EXPECT_NEAR(row.rotation_rate, 100 * (1 - row.torque / 1.2), 1e-6);
   // The torque hardly depends on N: T = F_feed 4 alpha R/pi of the cylinder.
   EXPECT_NEAR(row.torque, row.grinding_force.y() * 4 * 0.25 * 0.6 / units::kPi, 0.02);
+}
+
+// Wherever there is an operating point, the law and the power that is needed hold, and the
+// rate is above that of the greatest power.
+TEST(Droop, AnExponentGivesTheLawsTorqueAndTheImposedPower) {
+  for (double k = 0.5; k <= 8; k += 0.5) {
+    Handpiece h = preset_parameters("physical").handpiece;
+    h.rotation_rate = 130, h.stall_torque = 1.7, h.droop_exponent = k;
+    const double best = 130 * std::pow(k + 1, -1 / k);
+    const double most = best * 1.7 * k / (k + 1);  // T N, N·mm·rev/s
+    for (const double share : {1e-6, 0.1, 0.5, 0.9, 0.999, 1 - 1e-9}) {
+      Trial trial;
+      turn_at_imposed_feed(h, share * most, trial);
+      EXPECT_TRUE(trial.operating_point) << k << " " << share;
+      EXPECT_NEAR(trial.torque * trial.rotation_rate, share * most, 1e-12 * most);
+      EXPECT_NEAR(trial.torque, 1.7 * (1 - std::pow(trial.rotation_rate / 130, k)), 1e-12) << k;
+      EXPECT_GE(trial.rotation_rate, best * (1 - 1e-9));
+    }
+    Trial none;
+    turn_at_imposed_feed(h, (1 + 1e-9) * most, none);
+    EXPECT_FALSE(none.operating_point) << k;
+  }
+}
+
+TEST(Droop, TheSquareIsTheRootOfItsCubic) {
+  // x - x³ = c: x = 2/√3 cos(acos(-3√3 c/2)/3).
+  Handpiece h = preset_parameters("physical").handpiece;
+  h.rotation_rate = 100, h.stall_torque = 2, h.droop_exponent = 2;
+  for (const double c : {0.01, 0.1, 0.3, 0.38}) {
+    Trial trial;
+    turn_at_imposed_feed(h, c * 200, trial);
+    const double x = 2 / std::sqrt(3) * std::cos(std::acos(-1.5 * std::sqrt(3) * c) / 3);
+    EXPECT_NEAR(trial.rotation_rate, 100 * x, 1e-10);
+  }
+}
+
+// Were the line solved by the same search, it would find what the closed form says.
+TEST(Droop, TheSearchAgreesWithTheLinesClosedForm) {
+  for (const double share : {0.0, 0.1, 0.5, 0.99})
+    EXPECT_NEAR(last_true(0, 1, [&](double x) { return droop_power(x, 1) <= 1 - share; }),
+                1 - share, 1e-15);
+}
+
+TEST(Droop, WithAnExponentTheAuditHoldsAndTheForceHasItsOperatingPointOnTheCurve) {
+  Parameters p = preset_parameters("physical");
+  p.tissue[0] = {300, 0.25};
+  p.handpiece.rotation_rate = 100;
+  p.handpiece.stall_torque = 1.2;
+  p.handpiece.droop_exponent = 2.5;
+  const Outcome r = run(block(0.1, 8, Vec3(5, 8, 6)), paper_cylinder(), p, Drive::kCoupled,
+                        straight_path({Vec3(0, -2, -1.5), Vec3(0, -6, -1.5)}, 0.5));
+  const StepRecord& row = r.rows[6000];
+  ASSERT_FALSE(row.stalled);
+  EXPECT_GT(row.torque, 0.2);
+  EXPECT_NEAR(row.torque, 1.2 * (1 - std::pow(row.rotation_rate / 100, 2.5)), 1e-6);
+  EXPECT_NEAR(row.torque, row.grinding_force.y() * 4 * 0.25 * 0.6 / units::kPi, 0.02);
+  EXPECT_NEAR(r.totals.torque_work / (300 * r.totals.removed[0]), 1, 0.01);
 }
 
 TEST(Pedal, MotorOffRestsOnTissueAndRemovesNothing) {

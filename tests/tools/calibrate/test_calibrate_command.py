@@ -201,6 +201,8 @@ class Calibration(CommandTest):
         self.refused("--fit-droop", *common, "rig.h5", "--rotation-rate-rev-s", "100")
         self.refused("--fit-droop", *common, "rig.h5", "--drive", "coupled")
         self.refused("needs the speed", *common, "rig.csv")
+        self.file("square.toml").write_text("[handpiece]\nmodel = 'droop'\ndroop_exponent = 2\n")
+        self.refused("droop_exponent", *common, "rig.h5", "--params", "square.toml")
 
     def test_h5_of_someone_else_with_the_bur_only(self):
         import h5py

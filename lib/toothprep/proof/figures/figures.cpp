@@ -48,6 +48,10 @@ void check(const Experiment& experiment, const FigureOptions& options) {
     const Parameters p = parameters_of(run, options.base, !run.literal.empty());
     path_of(run, p);
     static_cast<void>(make_bur(run.bur, options.bur_library));
+    if (experiment.kind == Kind::kDroop && p.handpiece.droop_exponent != 1)
+      throw Error(experiment.name +
+                  ": its exact answer knows the linear droop only; leave [handpiece] "
+                  "droop_exponent out of --params, or leave it out with --only");
     if (exact && p.handpiece.model == HandpieceModel::kDroop &&
         std::isfinite(p.handpiece.stall_torque))
       throw Error(experiment.name +

@@ -12,7 +12,8 @@ namespace toothprep {
 namespace {
 
 constexpr double kSmallestElement = 0.005;  // mm; finer costs time and nothing is left to gain
-constexpr double kLargestTimeStep = 0.1;    // s; a haptic step is 1 ms, a tenth is a mistake
+constexpr double kSmallestExponent = 0.5, kLargestExponent = 8;  // of the droop
+constexpr double kLargestTimeStep = 0.1;  // s; a haptic step is 1 ms, a tenth is a mistake
 
 // Every key of a parameter file, dotted; used to guess what an unknown key was meant to be.
 std::vector<std::string> all_keys() {
@@ -23,6 +24,7 @@ std::vector<std::string> all_keys() {
                                    "handpiece.stall_coefficient_mnm_per_bar",
                                    "handpiece.clockwise",
                                    "handpiece.model",
+                                   "handpiece.droop_exponent",
                                    "handpiece.stall_judged_on",
                                    "coupling.stiffness_n_per_mm",
                                    "coupling.damping_n_s_per_mm",
@@ -96,6 +98,10 @@ std::optional<Violation> first_violation(const Parameters& p) {
     return Violation{"handpiece.stall_judged_on",
                      "\"last_step\" needs model = \"fixed\": the droop model has no torque of its "
                      "own to judge"};
+  const double exponent = p.handpiece.droop_exponent;
+  if (!(exponent >= kSmallestExponent && exponent <= kLargestExponent) ||
+      2 * exponent != std::floor(2 * exponent))
+    return Violation{"handpiece.droop_exponent", "must be 0.5, 1, 1.5, ... or 8" + got(exponent)};
   if (p.element_size != 0 && !(p.element_size >= kSmallestElement && std::isfinite(p.element_size)))
     return Violation{"engine.element_mm", "must be at least " + toml_number(kSmallestElement) +
                                               " mm, or 0 for the size that suits the bur" +
@@ -150,6 +156,7 @@ void read_handpiece(StrictTable& table, Handpiece& handpiece) {
   if (const auto x = table.boolean("clockwise")) handpiece.clockwise = *x;
   if (const auto x = table.choice("model", {"fixed", "droop"}))
     handpiece.model = *x == "droop" ? HandpieceModel::kDroop : HandpieceModel::kFixed;
+  if (const auto x = table.number("droop_exponent")) handpiece.droop_exponent = *x;
   if (const auto x = table.choice("stall_judged_on", {"trial", "last_step"}))
     handpiece.stall_rule = *x == "trial" ? StallRule::kTrial : StallRule::kLastStep;
 }
@@ -293,6 +300,8 @@ std::string to_toml(const Parameters& p) {
           (handpiece.model == HandpieceModel::kDroop ? "droop" : "fixed") +
           "\"\nstall_judged_on = \"" +
           (handpiece.stall_rule == StallRule::kTrial ? "trial" : "last_step") + "\"\n";
+  if (handpiece.droop_exponent != 1)  // programs before 0.2 don't know it
+    text += "droop_exponent = " + toml_number(handpiece.droop_exponent) + "\n";
   text += "\n[coupling]\nstiffness_n_per_mm = " + toml_number(p.coupling.stiffness) +
           "\ndamping_n_s_per_mm = " + toml_number(p.coupling.damping) + "\n";
   const double mass = p.coupling.bur_mass;

@@ -19,7 +19,7 @@ struct GrindingProperties {    // of a tissue: Eqs 6 to 9
 
 enum class HandpieceModel {  // what the rotation rate does under load
   kFixed,                    // constant rotation rate, Boolean stall (Eq. 11)
-  kDroop                     // N = N0 (1 - T / stall_torque)
+  kDroop                     // T = stall_torque (1 - (N / N0)^droop_exponent)
 };
 
 enum class StallRule {  // which torque decides a stall
@@ -33,6 +33,10 @@ struct Handpiece {                                // what turns the bur: Eqs 10 
   bool clockwise = true;                          // seen from the shank: omega along -z of B
   HandpieceModel model = HandpieceModel::kFixed;  // kFixed or kDroop
   StallRule stall_rule = StallRule::kTrial;       // kLastStep only with kFixed
+  // Of kDroop: 1/2, 1, 3/2, ... 8. 1: torque and rotation rate on a line; more: the rate is held
+  // longer under load. Halves only, so that no power from a mathematical library, which rounds
+  // otherwise on another machine, is in a result.
+  double droop_exponent = 1;
 };
 
 struct Coupling {          // between handle and bur: Eqs 12 to 18

@@ -271,6 +271,9 @@ void check_settings(const CalibrationSettings& settings) {
     throw Error(
         "--fit-droop takes the rotation rate from the recordings: leave --rotation-rate-rev-s "
         "away");
+  if (settings.fit_droop && settings.parameters.handpiece.droop_exponent != 1)
+    throw Error(
+        "--fit-droop fits the linear droop: leave handpiece.droop_exponent out of --params");
   if (settings.fit_droop && settings.coupled)
     throw Error(
         "--fit-droop needs the bur's own motion (--drive direct): on a coupled rig the droop "

@@ -172,6 +172,7 @@ std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
             "scale with it.\n";
   if (fit.droop && fit.droop->identifiable) {
     p.handpiece.model = HandpieceModel::kDroop;
+    p.handpiece.droop_exponent = 1;
     p.handpiece.stall_rule = StallRule::kTrial;
     p.handpiece.rotation_rate = fit.droop->rate.value;
     p.handpiece.stall_torque = fit.droop->stall_torque.value;

@@ -23,7 +23,9 @@ struct Limits {
 
 // On a spring the bur lags by F/k, and what it lags it leaves; without one force is all that counts.
 Limits limits_of(const Parameters& p, Drive drive, double roughing_lag) {
-  const double share = p.handpiece.model == HandpieceModel::kDroop ? 0.3 : 0.5;
+  // Of a drooping one 0.6 of the torque at the greatest power, tau_s n/(n + 1).
+  const double n = p.handpiece.droop_exponent;
+  const double share = p.handpiece.model == HandpieceModel::kDroop ? 0.6 * (n / (n + 1)) : 0.5;
   const double torque = share * p.handpiece.stall_torque;
   if (drive == Drive::kDirect) return {3, 1, 2, torque};
   const double k = p.coupling.stiffness;
