@@ -32,7 +32,7 @@ struct Options {
   std::string drive = "direct";
   std::string bias, unit = "N", force_on = "bur", sensor_on = "tooth", loss = "huber";
   std::vector<double> drift = {0, 0, 0}, rotation_deg = {0, 0, 0}, weight = {0, 0, 0};
-  std::vector<std::string> estimate;
+  std::vector<std::string> estimate, laws;
   int bootstrap = 1000, folds = 5;
   std::uint64_t seed = 1;
   bool fit_droop = false;
@@ -121,6 +121,12 @@ CalibrationSettings calibration_settings(const Options& o) {
   s.coupled = o.drive == "coupled";
   s.rotation_rate_stated = o.rotation_rate.has_value();
   s.fit_droop = o.fit_droop;
+  for (const std::string& name : o.laws) {
+    if (name == "all")
+      s.laws.assign(std::begin(kLawKinds), std::end(kLawKinds));
+    else if (const auto law = law_named(name))
+      s.laws.push_back(*law);
+  }
   s.allow_gaps = o.allow_gaps;
   s.motion_window = o.smooth_motion_ms * 1e-3;
   check_settings(s);
@@ -165,10 +171,11 @@ void run(const Options& o, const Common& common) {
       read_recordings(o.measured, settings, sources.tooth_sha256, o.tooth, o.bur, listener);
   const CalibrationResult c = calibrate(bur, tooth, recordings, settings, listener);
 
-  const std::string json = fit_json(c.fit, sources);
+  const std::string json = fit_json(c.fit, sources, c.laws ? &*c.laws : nullptr);
   write_file(output, json);
   if (!params_out.empty())
-    write_file(params_out, fitted_parameters_toml(c.fit, c.parameters, sources));
+    write_file(params_out, c.laws ? fitted_parameters_toml(*c.laws, c.parameters, sources)
+                                  : fitted_parameters_toml(c.fit, c.parameters, sources));
   if (!report.empty()) {
     write_file(report + "/fit.json", json);
     write_plot_tables(c.fit, c.recordings, report);
@@ -176,6 +183,8 @@ void run(const Options& o, const Common& common) {
   }
   outputs.publish();
   for (const std::string& line : describe(c.fit)) say(common, line);
+  if (c.laws)
+    for (const std::string& line : describe(*c.laws)) say(common, line);
   for (const std::string& line : c.fit.warnings) warn(line);
   if (o.json) std::fputs(json.c_str(), stdout);
 }
@@ -214,6 +223,12 @@ void add_calibrate(CLI::App& app, const Common& common) {
                   "N of the recordings, over a recorded speed: only u/N is then determined");
   sub->add_flag("--fit-droop", o->fit_droop,
                 "Also N0 and stall torque of N = N0 (1 - T/T_stall), from the recorded speed");
+  sub->add_option("--law", o->laws,
+                  "Laws beyond the paper's to fit and compare: size, ratio, rubbing, size-rubbing, "
+                  "up-cutting, comma-separated, or all; --params-out then writes the best")
+      ->delimiter(',')
+      ->check(CLI::IsMember(
+          {"paper", "size", "ratio", "rubbing", "size-rubbing", "up-cutting", "all"}));
   sub->add_option("--smooth-motion-ms", o->smooth_motion_ms,
                   "Window of a local quadratic through the motion, for noisy positions; 0: none")
       ->check(CLI::Range(0.0, 1000.0))

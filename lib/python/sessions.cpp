@@ -163,10 +163,8 @@ class SessionObject {
   }
 
   double removed_energy() const {
-    double energy = 0;  // N·mm = mJ
-    for (int k = 0; k < kTissueCount; ++k)
-      energy += parameters_.tissue[k].specific_energy * totals().removed[k];
-    return energy;
+    const SessionTotals now = totals();
+    return energy_of_removal(parameters_, now, now.removed);  // N·mm = mJ
   }
   SessionTotals totals() const { return session_ ? session_->totals() : SessionTotals(); }
   const Tooth& tooth() const { return *tooth_; }

@@ -129,6 +129,33 @@ kind = "voxel"
   EXPECT_EQ(p.engine, EngineKind::kVoxel);
 }
 
+TEST(Parameters, ALawBeyondThePapersIsReadAndSurvivesTheRoundTrip) {
+  EXPECT_TRUE(is_linear(preset_parameters("paper")));
+  EXPECT_TRUE(is_linear(preset_parameters("physical")));
+  // What stays as in the paper is not written: programs that don't know the keys read the rest.
+  EXPECT_EQ(to_toml(preset_parameters("paper")).find("size_exponent"), std::string::npos);
+  EXPECT_EQ(to_toml(preset_parameters("paper")).find("rubbing"), std::string::npos);
+  const Parameters p = parse_parameters(R"([tissue.enamel]
+size_exponent = 0.4
+ratio_exponent = -0.15
+reference_chip_um = 0.3
+rubbing_pressure_n_per_mm2 = 0.7
+rubbing_friction = 0.2
+up_cutting = -0.3
+)",
+                                        "p.toml");
+  EXPECT_FALSE(is_linear(p));
+  EXPECT_DOUBLE_EQ(p.tissue[0].reference_chip, 3e-4);
+  EXPECT_EQ(p.tissue[0].ratio_exponent, -0.15);
+  const Parameters back = parse_parameters(to_toml(p), "p.toml");
+  for (int k = 0; k < kTissueCount; ++k) EXPECT_EQ(back.tissue[k], p.tissue[k]);
+  Parameters odd = p;  // no number in µm converts to every double in mm
+  for (double chip = 1e-4; chip < 1e-3; chip = std::nextafter(chip * 1.01, 1)) {
+    odd.tissue[1].reference_chip = chip;
+    EXPECT_EQ(parse_parameters(to_toml(odd), "p.toml").tissue[1].reference_chip, chip);
+  }
+}
+
 TEST(Parameters, TheElementSizeIsReadBoundedAndSurvivesTheRoundTrip) {
   EXPECT_EQ(parse_parameters("", "p.toml").element_size, 0);  // as the bur's size asks for
   const Parameters p = parse_parameters("[engine]\nelement_mm = 0.02", "p.toml");
@@ -216,6 +243,17 @@ TEST(Parameters, WhatCannotBeIsRefusedByName) {
       {"[handpiece]\ndroop_exponent = 1.2", "handpiece.droop_exponent"},
       {"[handpiece]\ndroop_exponent = 8.5", "handpiece.droop_exponent"},
       {"[handpiece]\ndroop_exponent = nan", "handpiece.droop_exponent"},
+      {"[tissue.enamel]\nsize_exponent = 1.0\nreference_chip_um = 1", "must be from -0.5 to 0.9"},
+      {"[tissue.enamel]\nsize_exponent = nan\nreference_chip_um = 1", "must be from -0.5 to 0.9"},
+      {"[tissue.enamel]\nsize_exponent = 0.5\nratio_exponent = 0.5\nreference_chip_um = 1",
+       "tissue.enamel.ratio_exponent: added to size_exponent must be"},
+      {"[tissue.dentin]\nsize_exponent = 0.3", "tissue.dentin.reference_chip_um: is missing"},
+      {"[tissue.dentin]\nrubbing_pressure_n_per_mm2 = 1", "rubbing_pressure_n_per_mm2 refers to"},
+      {"[tissue.dentin]\nrubbing_pressure_n_per_mm2 = -1", "not negative"},
+      {"[tissue.dentin]\nreference_chip_um = inf", "reference_chip_um: must be finite"},
+      {"[tissue.dentin]\nup_cutting = -1", "up_cutting: must lie between -1 and 1"},
+      {"[tissue.dentin]\nup_cutting = 0.2\n[engine]\nkind = 'voxel'\ntrailing_elements = true",
+       "engine.trailing_elements: needs the paper's law"},
       {"[handpiece]\nmodel = 'drop'", "did you mean \"droop\""},
       {"[coupling]\nstiffness_n_per_mm = 0", "coupling.stiffness_n_per_mm"},
       {"[coupling]\ndamping_n_s_per_mm = -0.1", "coupling.damping_n_s_per_mm"},

@@ -88,10 +88,10 @@ TEST(ContactKept, AlongAPathIsWhatALookFinds) {
   for (int i = 0; i < 500; ++i) {
     const Vec3 v = (place(i + 1).position - place(i).position) / 1e-3;
     engine->sample(place(i), v, Vec3::Zero());
-    const GrindingResponse kept = engine->contact().response(v, Vec3::Zero());
+    const GrindingResponse kept = engine->contact().response(v, Vec3::Zero(), 1);
     ContactModel fresh(bur, kElementSize, true, p.tissue);
     fresh.sample(workpiece, place(i), v, Vec3::Zero(), kReach);
-    const GrindingResponse looked = fresh.contact().response(v, Vec3::Zero());
+    const GrindingResponse looked = fresh.contact().response(v, Vec3::Zero(), 1);
     largest = std::max(largest, (looked.B * v).norm());
     worst = std::max(worst, (kept.B * v - looked.B * v).norm());
     engine->advance(place(i + 1));

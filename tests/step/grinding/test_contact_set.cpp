@@ -30,7 +30,7 @@ TEST(ContactSet, OneElementFollowsTheLaw) {
   ContactSet set(4, tissues(), false);
   set.add(facing_x(), all_in(Tissue::kEnamel));
   const Vec3 v(2, 0, 0);
-  const GrindingResponse r = set.response(v, Vec3::Zero());
+  const GrindingResponse r = set.response(v, Vec3::Zero(), 1);
   const double per_advance = 300 / (2 * units::kPi) * 0.2;
   const Vec3 force = r.B * v;
   EXPECT_NEAR(force.x(), -per_advance * 2 / 0.25, 1e3 * kFloat);  // against n_n
@@ -46,13 +46,13 @@ TEST(ContactSet, AnElementThatRetreatsCountsForNothingUnlessTrailingIsAsked) {
   ContactSet set(4, tissues(), false), literal(4, tissues(), true);
   set.add(facing_x(), all_in(Tissue::kEnamel));
   literal.add(facing_x(), all_in(Tissue::kEnamel));
-  EXPECT_EQ(set.response(back, Vec3::Zero()).B.norm(), 0);
+  EXPECT_EQ(set.response(back, Vec3::Zero(), 1).B.norm(), 0);
   EXPECT_FALSE(set.any_advances(back, Vec3::Zero()));
   EXPECT_TRUE(set.any_advances(-back, Vec3::Zero()));
   EXPECT_EQ(set.advancing_area(back, Vec3::Zero())[0], 0);
   // Eq. 8 taken literally: the force is that of the advance with its sign.
-  const Vec3 pulled = literal.response(back, Vec3::Zero()).B * back;
-  const Vec3 pushed = set.response(-back, Vec3::Zero()).B * -back;
+  const Vec3 pulled = literal.response(back, Vec3::Zero(), 1).B * back;
+  const Vec3 pushed = set.response(-back, Vec3::Zero(), 1).B * -back;
   EXPECT_LT((pulled + pushed).norm(), 1e3 * kFloat);
 }
 
@@ -64,7 +64,7 @@ TEST(ContactSet, TissuesShareAnElementByTheirPartOfIt) {
   set.add(facing_x(), share);
   const Vec3 v(1, 0, 0);
   const double weight = 0.2 / (2 * units::kPi);
-  const Vec3 force = set.response(v, Vec3::Zero()).B * v;
+  const Vec3 force = set.response(v, Vec3::Zero(), 1).B * v;
   EXPECT_NEAR(force.y(), weight * (0.25 * 300 + 0.5 * 100), 1e3 * kFloat);
   EXPECT_NEAR(force.x(), -weight * (0.25 * 300 / 0.25 + 0.5 * 100 / 0.5), 1e3 * kFloat);
   EXPECT_NEAR(set.advancing_area(v, Vec3::Zero())[1], 0.05, kFloat);
@@ -79,8 +79,8 @@ TEST(ContactSet, ATurnAddsTheVelocityOfTheElementsPlace) {
   e.mz = static_cast<float>(m.z());
   set.add(e, all_in(Tissue::kEnamel));
   const Vec3 omega(0, 0.3, 0);
-  const GrindingResponse turning = set.response(Vec3::Zero(), omega);
-  const GrindingResponse moving = set.response(Vec3(0.6, 0, 0), Vec3::Zero());
+  const GrindingResponse turning = set.response(Vec3::Zero(), omega, 1);
+  const GrindingResponse moving = set.response(Vec3(0.6, 0, 0), Vec3::Zero(), 1);
   EXPECT_LT((turning.f0 - moving.B * Vec3(0.6, 0, 0)).norm(), 1e3 * kFloat);
   EXPECT_NEAR(turning.t0, moving.b.dot(Vec3(0.6, 0, 0)), 1e3 * kFloat);
 }
@@ -98,7 +98,7 @@ TEST(ContactSet, TheSetOfAVelocityTellsWhichElementsAdvance) {
                set.advancing_set(Vec3(-1, 0, 0), Vec3::Zero()));
   set.clear();
   EXPECT_EQ(set.size(), 0);
-  EXPECT_EQ(set.response(Vec3(1, 0, 0), Vec3::Zero()).B.norm(), 0);
+  EXPECT_EQ(set.response(Vec3(1, 0, 0), Vec3::Zero(), 1).B.norm(), 0);
 }
 
 TEST(ContactSet, TheBasisAddsUpToTheForce) {
@@ -117,7 +117,7 @@ TEST(ContactSet, TheBasisAddsUpToTheForce) {
     force += t[k].specific_energy * (b[k].tangential + b[k].normal / t[k].force_ratio);
     torque += t[k].specific_energy * b[k].torque;
   }
-  const GrindingResponse r = set.response(v, Vec3::Zero());
+  const GrindingResponse r = set.response(v, Vec3::Zero(), 1);
   EXPECT_LT((force - r.B * v).norm(), 1e-5 * force.norm());
   EXPECT_NEAR(torque, r.b.dot(v), 1e-5 * torque);
 }

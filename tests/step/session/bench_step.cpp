@@ -36,7 +36,8 @@ void print(benchmark::State& state, std::vector<double> times, const Bur& bur) {
       static_cast<double>(bur.elements(kPiecesAcross * kElementSize).size());
 }
 
-void coupled_step(benchmark::State& state, const Bur& bur) {
+void coupled_step(benchmark::State& state, const Bur& bur,
+                  const Parameters& parameters = preset_parameters("paper")) {
   const double voxel = static_cast<double>(state.range(0)) / 1000;
   const double z = -bur.head_length() / 2;
   const LayeredTooth tooth = block(voxel, 8, Vec3(5, 8, 5));
@@ -46,7 +47,7 @@ void coupled_step(benchmark::State& state, const Bur& bur) {
   for (auto _ : state) {
     state.PauseTiming();
     Workpiece workpiece(tooth);
-    Session session(bur, workpiece, preset_parameters("paper"), Drive::kCoupled, path.front());
+    Session session(bur, workpiece, parameters, Drive::kCoupled, path.front());
     state.ResumeTiming();
     for (std::size_t i = 1; i < path.size(); ++i) {
       const double start = cpu_microseconds();
@@ -98,6 +99,24 @@ void split_step(benchmark::State& state, const Bur& bur) {
   print(state, std::move(times), bur);
 }
 
+// A law that isn't linear, with all that it may have; `droops` with the rate falling under load.
+Parameters nonlinear(bool droops) {
+  Parameters p = preset_parameters("paper");
+  for (GrindingProperties& t : p.tissue) {
+    t.size_exponent = 0.4, t.ratio_exponent = -0.2, t.reference_chip = 5e-3;
+    t.rubbing_pressure = 0.1, t.up_cutting = -0.3;
+  }
+  if (droops) p.handpiece.model = HandpieceModel::kDroop;
+  return p;
+}
+
+void NonlinearCylinder(benchmark::State& state) {
+  coupled_step(state, paper_cylinder(), nonlinear(false));
+}
+void NonlinearBall(benchmark::State& state) { coupled_step(state, paper_ball(), nonlinear(false)); }
+void DroopingNonlinearBall(benchmark::State& state) {
+  coupled_step(state, paper_ball(), nonlinear(true));
+}
 void Cylinder(benchmark::State& state) { coupled_step(state, paper_cylinder()); }
 void Ball(benchmark::State& state) { coupled_step(state, paper_ball()); }
 void SplitCylinder(benchmark::State& state) { split_step(state, paper_cylinder()); }
@@ -105,6 +124,9 @@ void SplitBall(benchmark::State& state) { split_step(state, paper_ball()); }
 
 BENCHMARK(Cylinder)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(Ball)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(NonlinearCylinder)->Arg(100)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(NonlinearBall)->Arg(100)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(DroopingNonlinearBall)->Arg(100)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(SplitCylinder)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(SplitBall)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
 

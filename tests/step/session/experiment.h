@@ -56,9 +56,7 @@ struct Outcome {
   LevelSet solid;  // what remained
 
   double removed_energy(const Parameters& p) const {
-    double e = 0;
-    for (int k = 0; k < kTissueCount; ++k) e += p.tissue[k].specific_energy * totals.removed[k];
-    return e;
+    return energy_of_removal(p, totals, totals.removed);
   }
   double energy_ratio(const Parameters& p) const { return totals.torque_work / removed_energy(p); }
 };

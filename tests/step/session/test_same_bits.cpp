@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 #include "experiment.h"
 
@@ -23,7 +24,15 @@ std::uint64_t hash_of_a_session() {
     std::memcpy(&bits, &x, sizeof bits);
     for (int i = 0; i < 8; ++i) hash = (hash ^ (bits >> 8 * i & 0xff)) * 1099511628211u;
   };
-  for (const Drive drive : {Drive::kDirect, Drive::kCoupled}) {
+  Parameters bent = preset_parameters("paper");
+  for (GrindingProperties& t : bent.tissue) {
+    t.size_exponent = 0.31, t.ratio_exponent = 0.17, t.reference_chip = 3e-3;
+    t.rubbing_pressure = 0.2, t.up_cutting = 0.3;
+  }
+  using Settings = std::pair<Drive, Parameters>;
+  for (const auto& [drive, parameters] :
+       {Settings{Drive::kDirect, preset_parameters("paper")},
+        Settings{Drive::kCoupled, preset_parameters("paper")}, Settings{Drive::kCoupled, bent}}) {
     const auto handle = [](int i) {
       // Polynomials and roots only: what comes in must not depend on the C library.
       const double t = i * 1e-3, wave = 4 * t * (0.8 - t);
@@ -32,7 +41,7 @@ std::uint64_t hash_of_a_session() {
                           kPedalButton};
     };
     Workpiece workpiece(tooth);
-    Session session(bur, workpiece, preset_parameters("paper"), drive, handle(0));
+    Session session(bur, workpiece, parameters, drive, handle(0));
     for (int i = 1; i < 800; ++i) {
       const StepRecord row = session.step(handle(i));
       for (int a = 0; a < 3; ++a)

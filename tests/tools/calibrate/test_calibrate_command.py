@@ -204,6 +204,31 @@ class Calibration(CommandTest):
         self.file("square.toml").write_text("[handpiece]\nmodel = 'droop'\ndroop_exponent = 2\n")
         self.refused("droop_exponent", *common, "rig.h5", "--params", "square.toml")
 
+    def test_a_law_with_a_size_effect_from_recording_to_parameters_to_replay(self):
+        self.short_path("slow.csv", 0.8)
+        law = "\n".join(f"[tissue.{name}]\nreference_chip_um = 5\nsize_exponent = {m}" for name, m in
+                        (("enamel", 0.35), ("dentin", 0.2)))
+        self.file("size.toml").write_text("[step]\ntime_step_s = 0.005\n" + law)
+        self.short_path("fast.csv", 4)
+        for path in ("slow.csv", "fast.csv"):
+            self.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", path, *self.TRUTH,
+                          "--params", "size.toml", "--noise-percent", "2", "-o", "size-" + path)
+        common = ("calibrate", "--tooth", "block.vdb", *BUR, "--time-step-s", "0.005", "--measured", "size-slow.csv",
+                  "size-fast.csv", "-o")
+        self.run_ok(*common, "size.json", "--law", "size,up-cutting", "--params-out", "size-fit.toml", "--bootstrap", "100")
+        fit = json.loads(self.file("size.json").read_text())
+        self.assertEqual([law["law"] for law in fit["laws"]], ["paper", "size", "up-cutting"])
+        self.assertEqual(fit["best_law"], "size")
+        own = fit["laws"][1]["tissues"]
+        for tissue, m in (("enamel", 0.35), ("dentin", 0.2)):
+            low, high = own[tissue]["size_exponent_ci95"]
+            self.assertLess(abs(own[tissue]["size_exponent"] - m), 0.05)
+            self.assertLess(high - low, 0.2)
+        self.assertLess(fit["laws"][1]["validation_rms_n"], 0.7 * fit["laws"][0]["validation_rms_n"])
+        self.assertIn("size_exponent", self.file("size-fit.toml").read_text())
+        self.refused("--law needs", *common, "x.json", "--law", "size", "--drive", "coupled")
+        self.refused("fits the paper's law", *common, "x.json", "--params", "size.toml")
+
     def test_h5_of_someone_else_with_the_bur_only(self):
         import h5py
         with h5py.File(self.file("rig.h5")) as rig, h5py.File(self.file("own.h5"), "w") as own:

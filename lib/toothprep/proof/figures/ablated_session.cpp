@@ -41,7 +41,7 @@ void AblatedSession::explicit_trial(StepPart& part) noexcept {
   const Vec3& v = part.coupling.velocity;
   Trial& trial = part.trial;
   trial.rotation_rate = rate;
-  if (part.moves) trial.response = engine_->contact().response(v, part.omega);
+  if (part.moves) trial.response = engine_->contact().response(v, part.omega, rate);
   trial.torque = (trial.response.b.dot(v) + trial.response.t0) / rate;
   trial.velocity = explicit_velocity(model_.parameters.coupling, part.h, part.coupling,
                                      trial.response.B / rate, trial.response.f0 / rate);

@@ -55,8 +55,7 @@ Loop run_loop(const Experiment& experiment, const Run& run, const Parameters& pa
     cut = workpiece.cut();
   }
   ReplayResult& r = loop.outcome.replay;
-  for (int k = 0; k < kTissueCount; ++k)
-    r.removed_energy += parameters.tissue[k].specific_energy * r.totals.removed[k];
+  r.removed_energy = energy_of_removal(parameters, r.totals, r.totals.removed);
   r.energy_ratio = r.removed_energy > 0 ? r.totals.torque_work / r.removed_energy : std::nan("");
   r.seconds_simulated = path.back().time - path.front().time;
   apply_cut(tooth, cut);

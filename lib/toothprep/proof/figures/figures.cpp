@@ -48,6 +48,11 @@ void check(const Experiment& experiment, const FigureOptions& options) {
     const Parameters p = parameters_of(run, options.base, !run.literal.empty());
     path_of(run, p);
     static_cast<void>(make_bur(run.bur, options.bur_library));
+    if (experiment.kind != Kind::kValidation && !is_linear(p))
+      throw Error(experiment.name +
+                  ": what it is held against knows the paper's law only; leave size_exponent, "
+                  "ratio_exponent, rubbing_pressure_n_per_mm2 and up_cutting out of --params, or "
+                  "choose --only validation");
     if (experiment.kind == Kind::kDroop && p.handpiece.droop_exponent != 1)
       throw Error(experiment.name +
                   ": its exact answer knows the linear droop only; leave [handpiece] "

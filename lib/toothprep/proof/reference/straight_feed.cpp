@@ -365,6 +365,7 @@ static_assert(tissue_index(Tissue::kEnamel) == 0 && tissue_index(Tissue::kDentin
 
 Scene make_scene(const Bur& bur, const Block& block, const Parameters& parameters) {
   validate(parameters);
+  require(is_linear(parameters), "the law must be the paper's");
   require(block.size.allFinite() && block.size.minCoeff() > 0,
           "the block's size must be positive and finite");
   require(

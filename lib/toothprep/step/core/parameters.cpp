@@ -1,5 +1,6 @@
 #include "toothprep/step/core/parameters.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -13,6 +14,7 @@ namespace {
 
 constexpr double kSmallestElement = 0.005;  // mm; finer costs time and nothing is left to gain
 constexpr double kSmallestExponent = 0.5, kLargestExponent = 8;  // of the droop
+constexpr double kSmallestSizeExponent = -0.5, kLargestSizeExponent = 0.9;
 constexpr double kLargestTimeStep = 0.1;  // s; a haptic step is 1 ms, a tenth is a mistake
 
 // Every key of a parameter file, dotted; used to guess what an unknown key was meant to be.
@@ -38,7 +40,9 @@ std::vector<std::string> all_keys() {
                                    "engine.element_mm",
                                    "engine.trailing_elements"};
   for (const auto name : kTissueNames)
-    for (const char* key : {".specific_energy_j_per_mm3", ".force_ratio"})
+    for (const char* key :
+         {".specific_energy_j_per_mm3", ".force_ratio", ".size_exponent", ".ratio_exponent",
+          ".reference_chip_um", ".rubbing_pressure_n_per_mm2", ".rubbing_friction", ".up_cutting"})
       keys.push_back("tissue." + std::string(name) + key);
   return keys;
 }
@@ -71,6 +75,36 @@ struct Violation {
   std::string place, condition;
 };
 
+// Of what the law has beyond the paper's.
+std::optional<Violation> first_violation(const GrindingProperties& t, const std::string& place) {
+  const auto got = [](double value) { return ", got " + toml_number(value); };
+  const auto exponent = [](double value) {
+    return value >= kSmallestSizeExponent && value <= kLargestSizeExponent;
+  };
+  const std::string range =
+      toml_number(kSmallestSizeExponent) + " to " + toml_number(kLargestSizeExponent);
+  if (!exponent(t.size_exponent))
+    return Violation{place + ".size_exponent", "must be from " + range + got(t.size_exponent)};
+  if (!exponent(t.size_exponent + t.ratio_exponent))
+    return Violation{place + ".ratio_exponent", "added to size_exponent must be from " + range +
+                                                    got(t.size_exponent + t.ratio_exponent)};
+  for (const auto& [key, value] : {std::pair{".rubbing_pressure_n_per_mm2", t.rubbing_pressure},
+                                   {".rubbing_friction", t.rubbing_friction},
+                                   {".reference_chip_um", t.reference_chip}})
+    if (!(value >= 0 && std::isfinite(value)))
+      return Violation{place + key, "must be finite and not negative" + got(value)};
+  if (!(std::abs(t.up_cutting) < 1))
+    return Violation{place + ".up_cutting", "must lie between -1 and 1" + got(t.up_cutting)};
+  const char* needs = t.size_exponent != 0    ? "size_exponent"
+                      : t.ratio_exponent != 0 ? "ratio_exponent"
+                                              : "rubbing_pressure_n_per_mm2";
+  if (t.reference_chip == 0 &&
+      (t.size_exponent != 0 || t.ratio_exponent != 0 || t.rubbing_pressure > 0))
+    return Violation{place + ".reference_chip_um",
+                     std::string("is missing: ") + needs + " refers to this chip thickness"};
+  return {};
+}
+
 std::optional<Violation> first_violation(const Parameters& p) {
   const auto got = [](double value) { return ", got " + toml_number(value); };
   const auto positive = [&](double value, const std::string& place) -> std::optional<Violation> {
@@ -89,6 +123,7 @@ std::optional<Violation> first_violation(const Parameters& p) {
     if (auto v = not_negative(p.tissue[k].specific_energy, place + ".specific_energy_j_per_mm3"))
       return v;
     if (auto v = positive(p.tissue[k].force_ratio, place + ".force_ratio")) return v;
+    if (auto v = first_violation(p.tissue[k], place)) return v;
   }
   if (auto v = positive(p.handpiece.rotation_rate, "handpiece.rotation_rate_rev_s")) return v;
   if (!(p.handpiece.stall_torque > 0))  // infinity is allowed: never stalls
@@ -108,6 +143,9 @@ std::optional<Violation> first_violation(const Parameters& p) {
                                               got(p.element_size)};
   if (p.trailing_elements && p.engine != EngineKind::kVoxel)
     return Violation{"engine.trailing_elements", "needs kind = \"voxel\""};
+  if (p.trailing_elements && !is_linear(p))
+    return Violation{"engine.trailing_elements",
+                     "needs the paper's law: an element that moves away has no chip"};
   if (auto v = positive(p.coupling.stiffness, "coupling.stiffness_n_per_mm")) return v;
   if (auto v = not_negative(p.coupling.damping, "coupling.damping_n_s_per_mm")) return v;
   if (auto v = positive(p.coupling.bur_mass, "coupling.bur_mass_g")) return v;
@@ -121,6 +159,26 @@ std::optional<Violation> first_violation(const Parameters& p) {
   return {};
 }
 
+// What the law has beyond the paper's: programs before 0.2 don't know it.
+std::string law_toml(const GrindingProperties& t) {
+  std::string text;
+  const GrindingProperties paper;
+  const auto put = [&](const char* key, double value, double usual) {
+    if (value != usual) text += std::string(key) + " = " + toml_number(value) + "\n";
+  };
+  put("size_exponent", t.size_exponent, paper.size_exponent);
+  put("ratio_exponent", t.ratio_exponent, paper.ratio_exponent);
+  if (const auto x = exact_inverse(t.reference_chip, units::to_micrometre(t.reference_chip),
+                                   units::from_micrometre))
+    put("reference_chip_um", *x, paper.reference_chip);
+  else
+    put("reference_chip_mm", t.reference_chip, paper.reference_chip);
+  put("rubbing_pressure_n_per_mm2", t.rubbing_pressure, paper.rubbing_pressure);
+  put("rubbing_friction", t.rubbing_friction, paper.rubbing_friction);
+  put("up_cutting", t.up_cutting, paper.up_cutting);
+  return text;
+}
+
 // Reads `key` in the file's unit, or `direct_key` in the internal one. The second exists for values
 // that no number in the file's unit converts to exactly (see to_toml).
 template <class From>
@@ -130,6 +188,18 @@ void read_either(StrictTable& table, const std::string& key, const std::string& 
     table.refuse(direct_key, "stands beside " + key, "give one of them");
   if (const auto x = table.number(key)) value = from(*x);
   if (const auto x = table.number(direct_key)) value = *x;
+}
+
+void read_law(StrictTable& table, GrindingProperties& tissue) {
+  for (const auto& [key, value] : {std::pair{"force_ratio", &tissue.force_ratio},
+                                   {"size_exponent", &tissue.size_exponent},
+                                   {"ratio_exponent", &tissue.ratio_exponent},
+                                   {"rubbing_pressure_n_per_mm2", &tissue.rubbing_pressure},
+                                   {"rubbing_friction", &tissue.rubbing_friction},
+                                   {"up_cutting", &tissue.up_cutting}})
+    if (const auto x = table.number(key)) *value = *x;
+  read_either(table, "reference_chip_um", "reference_chip_mm", units::from_micrometre,
+              tissue.reference_chip);
 }
 
 void read_handpiece(StrictTable& table, Handpiece& handpiece) {
@@ -162,6 +232,16 @@ void read_handpiece(StrictTable& table, Handpiece& handpiece) {
 }
 
 }  // namespace
+
+bool is_linear(const GrindingProperties& t) {
+  return t.size_exponent == 0 && t.ratio_exponent == 0 && t.rubbing_pressure == 0 &&
+         t.up_cutting == 0;
+}
+
+bool is_linear(const Parameters& parameters) {
+  return std::all_of(parameters.tissue.begin(), parameters.tissue.end(),
+                     [](const GrindingProperties& t) { return is_linear(t); });
+}
 
 const char* name_of(EngineKind engine) {
   return engine == EngineKind::kVoxel ? "voxel" : "levelset";
@@ -222,7 +302,7 @@ Parameters parse_parameters(const std::string& toml, const std::string& where,
       if (auto tissue = tissues->table(std::string(kTissueNames[k]))) {
         read_either(*tissue, "specific_energy_j_per_mm3", "specific_energy_n_per_mm2",
                     units::from_joule_per_mm3, p.tissue[k].specific_energy);
-        if (const auto x = tissue->number("force_ratio")) p.tissue[k].force_ratio = *x;
+        read_law(*tissue, p.tissue[k]);
         tissue->done(keys);
       }
     tissues->done(keys);
@@ -292,6 +372,7 @@ std::string to_toml(const Parameters& p) {
     else  // no double in J/mm³ converts to these very bits
       text += "specific_energy_n_per_mm2 = " + toml_number(u) + "\n";
     text += "force_ratio = " + toml_number(p.tissue[k].force_ratio) + "\n";
+    text += law_toml(p.tissue[k]);
   }
   const Handpiece& handpiece = p.handpiece;
   text += "\n[handpiece]\nrotation_rate_rev_s = " + toml_number(handpiece.rotation_rate) +

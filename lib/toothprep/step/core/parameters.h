@@ -15,7 +15,20 @@ namespace toothprep {
 struct GrindingProperties {    // of a tissue: Eqs 6 to 9
   double specific_energy = 0;  // u, N/mm², >= 0
   double force_ratio = 0.25;   // alpha = F_t / F_n, > 0
+
+  // Beyond the paper (step/grinding/grinding_law.h); as they stand here the law is the paper's.
+  double size_exponent = 0;        // m: u (h/h0)^-m at the chip thickness h, -0.5 .. 0.9
+  double ratio_exponent = 0;       // a: alpha (h/h0)^a; m + a is within -0.5 .. 0.9 as well
+  double reference_chip = 0;       // h0, mm; > 0 where one of the others needs it
+  double rubbing_pressure = 0;     // p, N/mm², >= 0: of tissue that the bur presses on, normal
+  double rubbing_friction = 0.25;  // mu, >= 0: its tangential part
+  double up_cutting = 0;           // g: u (1 + g c), c the cosine between rim and feed, |g| < 1
+
+  bool operator==(const GrindingProperties&) const = default;
 };
+
+// Whether the force of an element is proportional to its advance: the paper's law.
+[[nodiscard]] bool is_linear(const GrindingProperties& tissue);
 
 enum class HandpieceModel {  // what the rotation rate does under load
   kFixed,                    // constant rotation rate, Boolean stall (Eq. 11)
@@ -64,6 +77,10 @@ enum class Drive {                            // what moves the bur
 [[nodiscard]] const char* name_of(EngineKind engine);  // "levelset", "voxel"
 [[nodiscard]] const char* name_of(Drive drive);        // "coupled", "direct", "load"
 [[nodiscard]] std::optional<Drive> drive_named(const std::string& name);  // none: no such drive
+
+struct Parameters;
+// The same of all tissues.
+[[nodiscard]] bool is_linear(const Parameters& parameters);
 
 struct Parameters {              // the whole model, constant during a session
   std::string preset = "paper";  // what the rest started from; a name, read for reports only

@@ -14,6 +14,8 @@ namespace toothprep::units {
 
 constexpr double kPi = std::numbers::pi;  // half a turn, rad
 
+constexpr double from_micrometre(double um) { return um * 1e-3; }               // mm
+constexpr double to_micrometre(double length) { return length * 1e3; }          // from mm
 constexpr double from_gram(double g) { return g * 1e-6; }                       // N·s²/mm
 constexpr double to_gram(double mass) { return mass * 1e6; }                    // from N·s²/mm
 constexpr double from_joule_per_mm3(double u) { return u * 1e3; }               // N/mm²

@@ -271,7 +271,7 @@ void ContactModel::add_whole(const Scan& scan, int i, int tissue, float share) n
       scan.turns ? scan.omega.norm() * (elements_.half_along[i] + elements_.half_around[i]) : 0;
   // With every v that covers() allows.
   const float surely = advance_[i] - turning - range_[i] - kMarginSine * scan.speed;
-  if (share == 1 && surely > 0 &&
+  if (contact_.is_linear() && share == 1 && surely > 0 &&
       static_cast<float>(kLeastSpeed) * surely >= std::max(spread - turning, 0.0f)) {
     contact_.add_advancing(sums_[i], 1, tissue, scan.turns);
     return;

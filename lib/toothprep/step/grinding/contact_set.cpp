@@ -10,6 +10,11 @@ namespace toothprep {
 ContactSet::ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>& tissue,
                        bool trailing)
     : least_(trailing ? -std::numeric_limits<float>::infinity() : 0) {
+  if (!std::all_of(tissue.begin(), tissue.end(),
+                   [](const GrindingProperties& t) { return toothprep::is_linear(t); })) {
+    nonlinear_.emplace(capacity, tissue);
+    return;
+  }
   for (int k = 0; k < kTissueCount; ++k) {
     const double ct = tissue[k].specific_energy / (2 * units::kPi);
     ct_[k] = static_cast<float>(ct);
@@ -39,6 +44,7 @@ void ContactSet::Sums::add(const Element& e) noexcept {
 }
 
 void ContactSet::clear() noexcept {
+  if (nonlinear_) nonlinear_->clear();
   if (advancing_ > 0) sums_ = {};
   count_ = advancing_ = 0;
 }
@@ -107,6 +113,11 @@ void ContactSet::put(const Element& e, float t, float m) noexcept {
 }
 
 void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
+  if (nonlinear_) {
+    for (int k = 0; k < kTissueCount; ++k)
+      if (share[k] > 0) nonlinear_->add(e, k, share[k]);
+    return;
+  }
   float t = 0, m = 0;
   for (int k = 0; k < kTissueCount; ++k) {
     t += share[k] * ct_[k];
@@ -117,12 +128,19 @@ void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
 }
 
 void ContactSet::add(const Element& e, int tissue, float share) noexcept {
+  if (nonlinear_) return nonlinear_->add(e, tissue, share);
   area_[count_] = {};
   area_[count_][tissue] = share * e.area;
   put(e, share * ct_[tissue], share * cn_[tissue]);
 }
 
-GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega) const noexcept {
+GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega, double rotation_rate,
+                                      LinearForm how) const noexcept {
+  return nonlinear_ ? nonlinear_->response(v, omega, rotation_rate, how)
+                    : linear_response(v, omega);
+}
+
+GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) const noexcept {
   const int n = count_;
   const float least = least_;
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
@@ -166,6 +184,7 @@ GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega) const no
 }
 
 AdvancingSet ContactSet::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
+  if (nonlinear_) return nonlinear_->advancing_set(v, omega);
   AdvancingSet set = advancing_of_entries(v, omega);
   set.count += advancing_;
   return set;
@@ -189,6 +208,7 @@ AdvancingSet ContactSet::advancing_of_entries(const Vec3& v, const Vec3& omega) 
 }
 
 PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
+  if (nonlinear_) return nonlinear_->advancing_area(v, omega);
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   PerTissue<float> sum{};
   for (int i = 0; i < count_; ++i) {

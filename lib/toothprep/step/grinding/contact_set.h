@@ -19,61 +19,29 @@
 //   B           GrindingResponse::B                 N·s/mm · rev/s
 //
 // Valid while the bur turns much faster than it feeds, so that the chip thickness doesn't depend on
-// phi.
+// phi. Where the parameters ask for a law that isn't linear (grinding_law.h), nonlinear_contact.h
+// holds the elements, and what is said here of sums doesn't apply.
 #pragma once
 
 #include <array>
-#include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
+#include "toothprep/step/grinding/contact_element.h"
+#include "toothprep/step/grinding/nonlinear_contact.h"
 
 namespace toothprep {
 
-// Which elements in contact advance, identified by their number and the sum of their places: what changes
-// from one trial velocity to the next are neighbours at the border of the set, and that changes one
-// of the two.
-struct AdvancingSet {
-  std::int32_t count = 0, places = 0;
-  bool operator==(const AdvancingSet&) const = default;
-};
-
-// The linear response of the contact to the feed, for the advancing set of one trial velocity, in
-// B, for N = 1 rev/s: F = (B v + f0) / N, T = (b·v + t0) / N, with f0 and t0 from the handle's
-// rotation.
-struct GrindingResponse {
-  Mat3 B = Mat3::Zero();
-  Vec3 f0 = Vec3::Zero();
-  Vec3 b = Vec3::Zero();
-  double t0 = 0;
-  AdvancingSet set;
-};
-
-// One tissue's part of the force, for N = 1 rev/s, B: what u = 1 N/mm² makes along n_t and
-// u/alpha = 1 N/mm² against n_n. Times u and u/alpha, summed over the tissues, it is B v + f0.
-struct TissueBasis {
-  Vec3 tangential = Vec3::Zero();  // mm²·rev/s
-  Vec3 normal = Vec3::Zero();      // mm²·rev/s
-  double torque = 0;               // mm³·rev/s, for u = 1
-};
-
 class ContactSet {
  public:
-  // Room for `capacity` elements; u and alpha per tissue (validated by the caller). With
+  // Room for `capacity` elements; the law of each tissue (validated by the caller). With
   // `trailing`, elements that move away from the tissue count like the others, with a negative
   // share: Eq. 8 taken literally.
   ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>& tissue, bool trailing);
 
-  // An element by its places in B and its factors.
-  struct Element {
-    float nx, ny, nz;  // n_n
-    float mx, my, mz;  // r x n_n, mm
-    float tx, ty;      // n_t
-    float weight;      // dphi dl, mm
-    float arm;         // r, mm
-    float area;        // ds, mm²
-  };
+  using Element = ContactElement;
 
   // What several elements make together where all of them advance: sums over them of the weight
   // dphi dl times the products named. `feed` goes with v, `turn` with omega.
@@ -85,22 +53,33 @@ class ContactSet {
     void add(const Element& element) noexcept;
   };
 
+  // Whether the law is the paper's.
+  bool is_linear() const { return !nonlinear_; }
+  // Where it isn't: the elements.
+  const NonlinearContact& nonlinear() const { return *nonlinear_; }
+
   void clear() noexcept;
   // Adds an element of which `share` lies in each tissue (0 .. 1). Never beyond the capacity.
   void add(const Element& element, const PerTissue<float>& share) noexcept;
   // The same of an element that lies in one tissue only (its index).
   void add(const Element& element, int tissue, float share) noexcept;
   // Elements that advance whatever the velocity that the set will be asked about, and lie in one
-  // tissue: they cost next to nothing.
+  // tissue: they cost next to nothing. Only of a linear set.
   void add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept;
-  int size() const { return advancing_ + count_; }
+  int size() const { return nonlinear_ ? nonlinear_->size() : advancing_ + count_; }
 
-  // The response with the advancing set {v·n + omega·(r x n) > 0}; v in mm/s, omega in rad/s, B.
-  GrindingResponse response(const Vec3& v, const Vec3& omega) const noexcept;
+  // The response with the advancing set {v·n + omega·(r x n) > 0}; v in mm/s, omega in rad/s, B. A
+  // linear one is the same at every rotation rate (rev/s) and for either linearisation.
+  GrindingResponse response(const Vec3& v, const Vec3& omega, double rotation_rate,
+                            LinearForm how = LinearForm::kSecant) const noexcept;
+  // What the audit needs to know of a set that isn't linear.
+  GrindingRates rates(const Vec3& v, const Vec3& omega, double rotation_rate) const noexcept {
+    return nonlinear_ ? nonlinear_->rates(v, omega, rotation_rate) : GrindingRates();
+  }
   AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;
   // Advancing contact area per tissue, mm².
   PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;
-  // The force at v and omega split by tissue. Only of a set made with u = alpha = 1 for every
+  // The force at v and omega split by tissue. Only of a linear set made with u = alpha = 1 for every
   // tissue, where an element's share of a tissue is that of its area, and its force splits along
   // n_n and n_t.
   PerTissue<TissueBasis> basis(const Vec3& v, const Vec3& omega) const noexcept;
@@ -110,6 +89,7 @@ class ContactSet {
  private:
   void put(const Element& element, float tangential, float normal) noexcept;
   AdvancingSet advancing_of_entries(const Vec3& v, const Vec3& omega) const noexcept;
+  GrindingResponse linear_response(const Vec3& v, const Vec3& omega) const noexcept;
   void add_sums(const Vec3& omega, GrindingResponse& response) const noexcept;
 
   PerTissue<float> ct_{}, cn_{};  // u/(2 pi), u/(2 pi alpha)
@@ -120,6 +100,7 @@ class ContactSet {
   // per advance, area per tissue.
   std::vector<float> nx_, ny_, nz_, mx_, my_, mz_, qx_, qy_, qz_, torque_;
   std::vector<PerTissue<float>> area_;
+  std::optional<NonlinearContact> nonlinear_;  // then the rest is empty
 };
 
 }  // namespace toothprep

@@ -42,6 +42,27 @@ double last_true(double low, double high, const Falls& falls) noexcept {
   }
 }
 
+// A root of `f`, which is not negative at `low` and negative at `high`, to `tolerance`: by false
+// position that halves the end that stays (Illinois). f is not negative at what is returned.
+template <typename F>
+double root_between(double low, double high, double tolerance, const F& f) noexcept {
+  constexpr int kMost = 100;  // a bisection every third time would need 90
+  double at_low = f(low), at_high = f(high);
+  for (int i = 0; i < kMost && high - low > tolerance && at_low > 0; ++i) {
+    const double share = i % 3 == 2 ? 0.5 : at_low / (at_low - at_high);
+    // Half a tolerance from either end, so that a root next to it is enclosed.
+    const double x =
+        std::clamp(low + share * (high - low), low + tolerance / 2, high - tolerance / 2);
+    const double at_x = f(x);
+    if (at_x >= 0) {
+      low = x, at_low = at_x, at_high /= 2;
+    } else {
+      high = x, at_high = at_x, at_low /= 2;
+    }
+  }
+  return low;
+}
+
 // N/N0 at the share T/tau_s of the stall torque.
 inline double droop_rate(double share, double k) noexcept {
   if (k == 1) return 1 - share;
@@ -69,13 +90,50 @@ inline void turn_at_imposed_feed(const Handpiece& handpiece, double unit_torque,
   trial.torque = unit_torque / trial.rotation_rate;
 }
 
+// The same where the torque at 1 rev/s, `unit_torque(N)`, depends on the rotation rate, which a law
+// that isn't linear in the chip thickness makes it do. N is the largest rate at which the handpiece
+// gives the power: looked for from N0 downwards, then by bisection.
+template <typename UnitTorque>
+void turn_at_imposed_feed_of(const Handpiece& handpiece, const UnitTorque& unit_torque,
+                             Trial& trial) noexcept {
+  constexpr int kPlaces = 32;              // of (0, N0], and of a place where none gives it
+  constexpr double kRateTolerance = 1e-9;  // of N0
+  const double n0 = handpiece.rotation_rate;
+  const auto spare = [&](double x) {
+    return n0 * handpiece.stall_torque * x * (1 - droop_power(x, handpiece.droop_exponent)) -
+           unit_torque(x * n0);
+  };
+  trial.rotation_rate = n0;
+  if (droops(handpiece) && unit_torque(n0) > 0) {
+    double best = 1, most = spare(1);
+    for (int i = kPlaces - 1; i > 0 && most < 0; --i) {
+      const double x = static_cast<double>(i) / kPlaces, s = spare(x);
+      if (s > most) best = x, most = s;
+    }
+    // None of the places: perhaps between them.
+    double low = std::max(best - 1.0 / kPlaces, 0.0), high = std::min(best + 1.0 / kPlaces, 1.0);
+    for (int i = 0; i < kPlaces && most < 0; ++i) {
+      const double a = low + (high - low) / 3, b = high - (high - low) / 3;
+      const bool left = spare(a) > spare(b);
+      (left ? high : low) = left ? b : a;
+      best = left ? a : b;
+      most = spare(best);
+    }
+    trial.operating_point = most >= 0;
+    if (trial.operating_point && best < 1)
+      best = root_between(best, std::min(best + 1.0 / kPlaces, 1.0), kRateTolerance, spare);
+    trial.rotation_rate = best * n0;
+  }
+  trial.torque = unit_torque(trial.rotation_rate) / trial.rotation_rate;
+}
+
 // The trial at the rate at which the handpiece gives the torque that the trial takes. `trial_at(N,
-// guess)` solves the step at a rotation rate, starting from a velocity.
+// guess)` solves the step at a rotation rate, starting from a velocity. The rate is settled to
+// `tolerance` of N0.
 template <typename TrialAt>
 Trial turn_at_imposed_force(const Handpiece& handpiece, const Trial& at_full_rate,
-                            const TrialAt& trial_at) noexcept {
+                            const TrialAt& trial_at, double tolerance) noexcept {
   constexpr int kMaxDirectIterations = 12;  // before bisection
-  constexpr double kRateTolerance = 1e-9;   // of N0
   constexpr double kTinyRate = 1e-6;        // of N0: stands for N -> 0
   if (!droops(handpiece) || at_full_rate.torque <= 0) return at_full_rate;
 
@@ -94,11 +152,11 @@ Trial turn_at_imposed_force(const Handpiece& handpiece, const Trial& at_full_rat
   for (int i = 0; i < kMaxDirectIterations; ++i) {
     trial = trial_at(rate, trial.velocity);
     const double next = rate_for(trial.torque);
-    if (std::abs(next - rate) <= kRateTolerance * n0) return trial;
+    if (std::abs(next - rate) <= tolerance * n0) return trial;
     rate = next;
   }
   double low = kTinyRate * n0, high = n0;
-  while (high - low > kRateTolerance * n0) {
+  while (high - low > tolerance * n0) {
     const double middle = (low + high) / 2;
     trial = trial_at(middle, trial.velocity);
     (rate_for(trial.torque) > middle ? low : high) = middle;

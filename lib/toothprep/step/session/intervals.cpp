@@ -28,6 +28,10 @@ void restore_cut(Workpiece& workpiece, const LevelSet& wanted) {
 
 void add(const SessionTotals& more, SessionTotals& sum) {
   sum.torque_work += more.torque_work;
+  add_removed(more.cutting_work, sum.cutting_work);
+  add_removed(more.swept, sum.swept);
+  sum.rubbing_work += more.rubbing_work;
+  sum.unsettled_steps += more.unsettled_steps;
   add_removed(more.initial_overlap, sum.initial_overlap);
   sum.stalled_steps += more.stalled_steps;
   sum.stall_onsets += more.stall_onsets;

@@ -119,8 +119,7 @@ ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& para
 
   result.totals = stepper.intervals().totals();
   result.ground = stepper.intervals().ground();
-  for (int k = 0; k < kTissueCount; ++k)
-    result.removed_energy += parameters.tissue[k].specific_energy * result.ground[k];
+  result.removed_energy = energy_of_removal(parameters, result.totals, result.ground);
   result.energy_ratio = result.removed_energy > 0
                             ? result.totals.torque_work / result.removed_energy
                             : std::numeric_limits<double>::quiet_NaN();

@@ -27,6 +27,11 @@ std::vector<std::string> run_warnings(const SessionTotals& totals, Drive drive) 
         "the bur was so fast in {} steps that they went in fewer parts than a third of a voxel "
         "each: work and removal may disagree there; move the handle more slowly",
         totals.split_steps_cut_short));
+  if (totals.unsettled_steps > 0)
+    warnings.push_back(
+        fmt::format("force and velocity didn't come to agree to a millionth in {} steps (grinding "
+                    "law with size_exponent, ratio_exponent, rubbing or up_cutting)",
+                    totals.unsettled_steps));
   if (totals.shank_contact_steps > 0)
     warnings.push_back(
         fmt::format("the shank touched the tooth in {} steps; it neither grinds nor removes",

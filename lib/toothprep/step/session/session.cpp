@@ -25,6 +25,7 @@ class Session::Work {
   StepRecord step(const HandleSample& next) noexcept;
   StepRecord stand(const HandleSample& rejected) noexcept;
   StepRecord step_part(const HandleSample& handle, double h) noexcept;
+  void count_work(const StepPart& part, double h) noexcept;
   int parts_of_step() noexcept;
   void count(const StepRecord& row) noexcept;
   bool clear_of_tissue() const noexcept;
@@ -97,8 +98,21 @@ StepRecord Session::Work::step_part(const HandleSample& handle, double h) noexce
   StepRecord row = record(model_, part, state_, *engine_);
 
   totals_.torque_work += row.power * h;
+  if (row.power > 0 && !engine_->contact().is_linear()) count_work(part, h);
   totals_.stall_onsets += row.stalled && !was_stalled;
   return row;
+}
+
+void Session::Work::count_work(const StepPart& part, double h) noexcept {
+  const Trial& trial = part.trial;
+  const GrindingRates rates =
+      engine_->contact().rates(trial.velocity, part.omega, trial.rotation_rate);
+  for (int k = 0; k < kTissueCount; ++k) {
+    totals_.cutting_work[k] += rates.cut[k] * h;
+    totals_.swept[k] += rates.swept[k] * h;
+  }
+  totals_.rubbing_work += rates.rubbed * h;
+  totals_.unsettled_steps += trial.settled ? 0 : 1;
 }
 
 int Session::Work::parts_of_step() noexcept {
@@ -135,6 +149,18 @@ void Session::Work::finish(StepRecord& last) noexcept {
   engine_->finish(state_.pose);
   totals_.removed = engine_->removed();
   last.removed_volume = engine_->removed();
+}
+
+double energy_of_removal(const Parameters& parameters, const SessionTotals& totals,
+                         const PerTissue<double>& ground) {
+  double energy = totals.rubbing_work;
+  for (int k = 0; k < kTissueCount; ++k) {
+    const bool by_chips = !is_linear(parameters) && totals.swept[k] > 0;
+    const double u =
+        by_chips ? totals.cutting_work[k] / totals.swept[k] : parameters.tissue[k].specific_energy;
+    energy += u * ground[k];
+  }
+  return energy;
 }
 
 Session::Session(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,

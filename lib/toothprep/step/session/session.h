@@ -16,8 +16,13 @@ constexpr double kMostWayWithoutContact = 5;
 
 // The energy audit and what else a session counts.
 struct SessionTotals {
-  double torque_work = 0;       // N·mm = mJ: integral of 2 pi N T_z over the steps that turn
-  PerTissue<double> removed{};  // mm³
+  double torque_work = 0;  // N·mm = mJ: integral of 2 pi N T_z over the steps that turn
+  // Of a law that isn't linear, whose energy per volume differs from chip to chip; 0 of the paper's.
+  PerTissue<double> cutting_work{};     // mJ, of the torque's: what cut the tissue
+  PerTissue<double> swept{};            // mm³, that the elements advanced through meanwhile
+  double rubbing_work = 0;              // mJ, of the torque's: what rubbed
+  long unsettled_steps = 0;             // in which force and velocity didn't come to agree
+  PerTissue<double> removed{};          // mm³
   PerTissue<double> initial_overlap{};  // mm³, inside the bur at the first sample; not in `removed`
   long stalled_steps = 0;               // in which any part stalled
   long stall_onsets = 0;                // steps that began a stall
@@ -31,6 +36,11 @@ struct SessionTotals {
   double way_without_contact = 0;  // mm, of the bur since it last met tissue
   double peak_device_force = 0;    // N
 };
+
+// What the removal of `ground` (mm³) takes by the law, mJ: u_k V_k summed, with u_k the mean over the
+// chips of these totals where the law isn't linear, and what rubbed meanwhile.
+[[nodiscard]] double energy_of_removal(const Parameters& parameters, const SessionTotals& totals,
+                                       const PerTissue<double>& ground);
 
 class Session {  // for one thread at a time; several run side by side
  public:

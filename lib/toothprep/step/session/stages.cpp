@@ -1,5 +1,6 @@
 #include "toothprep/step/session/stages.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "toothprep/step/core/units.h"
@@ -9,8 +10,13 @@
 namespace toothprep {
 namespace {
 
-constexpr int kMaxPasses = 8;   // fixed-point passes for the advancing set
-constexpr int kMaxSamples = 3;  // contact samples of one step, when the motion turns
+constexpr int kMaxPasses = 8;            // fixed-point passes for the advancing set
+constexpr int kMaxNonlinearPasses = 60;  // of a law that isn't linear
+constexpr double kSettled = 1e-6;        // of the speed, likewise; the law is in single precision
+constexpr double kExactRate = 1e-9;      // of N0, with the paper's law
+constexpr double kNear = 0.2;            // of the speed: from there by the tangent
+constexpr int kMostOvershoots = 3;       // of the tangent, from which on it isn't trusted
+constexpr int kMaxSamples = 3;           // contact samples of one step, when the motion turns
 
 // The bur's orientation at the end, if it turns: the handle's; after a stall that held it, it
 // catches up at a limited rate.
@@ -81,14 +87,44 @@ double unit_torque(const Trial& trial) noexcept {
   return trial.response.b.dot(trial.velocity) + trial.response.t0;
 }
 
+// The same where the law isn't linear. By secants the error falls at least by the factor m of the
+// size effect with each pass, whatever the guess; near the end tangents are quicker, unless they
+// overshoot.
+Trial converge_nonlinear(const StepModel& model, const ContactSet& contact, const StepPart& part,
+                         Vec3 guess, double rotation_rate) noexcept {
+  Trial trial;
+  trial.rotation_rate = rotation_rate;
+  bool tangent = false;
+  int overshoots = 0;
+  double last = 0;
+  for (int pass = 0; pass < kMaxNonlinearPasses; ++pass) {
+    trial.response = contact.response(guess, part.omega, rotation_rate,
+                                      tangent ? LinearForm::kTangent : LinearForm::kSecant);
+    trial.velocity = velocity_against(model, part, trial.response.B / rotation_rate,
+                                      trial.response.f0 / rotation_rate);
+    const double change = (trial.velocity - guess).norm();
+    const double speed = std::max(trial.velocity.norm(), guess.norm());
+    trial.settled = change <= kSettled * speed;
+    if (trial.settled) break;
+    const bool overshot = tangent && change > 0.5 * last;
+    overshoots += overshot ? 1 : 0;
+    tangent = change < kNear * speed && !overshot && overshoots < kMostOvershoots;
+    last = change;
+    guess = trial.velocity;
+  }
+  trial.torque = unit_torque(trial) / rotation_rate;
+  return trial;
+}
+
 // Velocity, advancing set and torque that agree with one another at a given rotation rate: a few
 // passes of [force from the set -> velocity against it -> set].
 Trial converge(const StepModel& model, const ContactSet& contact, const StepPart& part, Vec3 guess,
                double rotation_rate) noexcept {
+  if (!contact.is_linear()) return converge_nonlinear(model, contact, part, guess, rotation_rate);
   Trial trial;
   trial.rotation_rate = rotation_rate;
   for (int pass = 0; pass < kMaxPasses; ++pass) {
-    trial.response = contact.response(guess, part.omega);
+    trial.response = contact.response(guess, part.omega, rotation_rate);
     guess = velocity_against(model, part, trial.response.B / rotation_rate,
                              trial.response.f0 / rotation_rate);
     if (contact.advancing_set(guess, part.omega) == trial.response.set) break;
@@ -104,8 +140,16 @@ Trial direct_trial(const StepModel& model, const ContactSet& contact,
   Trial trial;
   trial.velocity = part.guess;
   if (!part.motor_on) return trial;
-  if (part.moves) trial.response = contact.response(trial.velocity, part.omega);
-  turn_at_imposed_feed(model.parameters.handpiece, unit_torque(trial), trial);
+  const Handpiece& handpiece = model.parameters.handpiece;
+  const auto respond = [&](double rotation_rate) {
+    if (part.moves) trial.response = contact.response(trial.velocity, part.omega, rotation_rate);
+    return unit_torque(trial);
+  };
+  if (contact.is_linear()) {
+    turn_at_imposed_feed(handpiece, respond(handpiece.rotation_rate), trial);
+  } else {
+    turn_at_imposed_feed_of(handpiece, respond, trial);  // its last question is the rate's own
+  }
   return trial;
 }
 
@@ -125,9 +169,16 @@ Trial pulled_trial(const StepModel& model, GrindingEngine& engine, const StepPar
     guess = trial.velocity;
     engine.sample(part.before, guess, part.omega);
   }
-  return turn_at_imposed_force(handpiece, trial, [&](double rate, const Vec3& from) {
-    return converge(model, engine.contact(), part, from, rate);
-  });
+  const ContactSet& contact = engine.contact();
+  double last_rate = handpiece.rotation_rate;
+  const auto trial_at = [&](double rate, const Vec3& from) {
+    // Chips of the same thickness are a good guess; a linear law needs the direction alone.
+    const Vec3 near = contact.is_linear() ? from : Vec3(from * (rate / last_rate));
+    last_rate = rate;
+    return converge(model, contact, part, near, rate);
+  };
+  return turn_at_imposed_force(handpiece, trial, trial_at,
+                               contact.is_linear() ? kExactRate : kSettled);
 }
 
 bool stalls_at(const StepModel& model, const BurState& state, StepPart& part) noexcept {

@@ -37,6 +37,7 @@ struct Trial {
   double rotation_rate = 0;      // rev/s
   // A drooping handpiece may have no rotation rate at which it gives the torque that it needs.
   bool operating_point = true;
+  bool settled = true;  // whether velocity and a law that isn't linear came to agree
 };
 
 // A step, or a part of one, as far as the stages have come.

@@ -157,6 +157,16 @@ void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
   }
   if (settings.fit_droop) c.fit.droop = fit_droop(motions, c.bases, c.fit, settings.fit.seed);
   warn_of_stalls(recordings, c.parameters.handpiece.stall_torque, c);
+  if (settings.laws.empty()) return;
+  const auto compare_with = [&](const std::vector<ForceBasis>& bases) {
+    std::vector<ComparedRecording> compared;
+    for (std::size_t r = 0; r < recordings.size(); ++r)
+      compared.push_back(compare(recordings[r], bases[r], settings.fit.largest_delay,
+                                 settings.fit.lowpass_hz, settings.fit.on_handpiece));
+    return compared;
+  };
+  c.laws = compare_laws(bur, tooth, c.parameters, motions, c.bases, compare_with, c.fit,
+                        settings.fit, settings.laws, listener.say);
 }
 
 void fit_handle(const Bur& bur, const LayeredTooth& tooth,
@@ -274,6 +284,14 @@ void check_settings(const CalibrationSettings& settings) {
   if (settings.fit_droop && settings.parameters.handpiece.droop_exponent != 1)
     throw Error(
         "--fit-droop fits the linear droop: leave handpiece.droop_exponent out of --params");
+  if (!is_linear(settings.parameters))
+    throw Error(
+        "calibrate fits the paper's law: leave size_exponent, ratio_exponent, "
+        "rubbing_pressure_n_per_mm2 and up_cutting out of --params");
+  if (!settings.laws.empty() && settings.coupled)
+    throw Error(
+        "--law needs the bur's own motion (--drive direct): on a coupled rig the law changes the "
+        "motion too");
   if (settings.fit_droop && settings.coupled)
     throw Error(
         "--fit-droop needs the bur's own motion (--drive direct): on a coupled rig the droop "

@@ -10,6 +10,7 @@
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/calibrate/coupled.h"
 #include "toothprep/tools/calibrate/fit_files.h"
+#include "toothprep/tools/calibrate/law_fit.h"
 
 namespace toothprep {
 
@@ -20,6 +21,7 @@ struct CalibrationSettings {          // what the options of `toothprep calibrat
   bool coupled = false;               // the handle's motion was recorded, not the bur's
   bool rotation_rate_stated = false;  // parameters' rotation rate wins over a recorded speed
   bool fit_droop = false;             // of an imposed motion, from the recorded speed
+  std::vector<LawKind> laws;          // to be fitted beside the paper's; of an imposed motion
   bool allow_gaps = false;            // interpolate gaps above 0.1 s in the motion
   double motion_window = 0;           // s, of a local quadratic through the motion; 0: none
 };
@@ -41,9 +43,10 @@ struct CalibrationResult {
 
   FitResult fit;                              // u, alpha and the rest, with their uncertainty
   std::vector<ComparedRecording> recordings;  // one per file, in their order
-  Parameters parameters;          // the settings', at the rotation rate that the fit is for
-  std::vector<ForceBasis> bases;  // of an imposed motion
-  CoupledFit coupled;             // of a handle's
+  Parameters parameters;              // the settings', at the rotation rate that the fit is for
+  std::vector<ForceBasis> bases;      // of an imposed motion
+  CoupledFit coupled;                 // of a handle's
+  std::optional<LawComparison> laws;  // where they were asked for
 };
 
 // The files, each read and checked: a plausible motion, the same tooth as `tooth_sha256` (of the

@@ -72,6 +72,7 @@ FitResult fit(const std::vector<ComparedRecording>& recordings, const FitOptions
   solution.data.chunks = blocks.chunks;
   const BlockDraws draws = draw_blocks(solution, asked, options);
   describe_sensor(solution, draws, asked, result);
+  describe_shapes(solution, draws, blocks, result);
   describe_tissues(solution, draws, blocks, result);
 
   measure_residuals(solution, result);

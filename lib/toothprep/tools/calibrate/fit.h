@@ -123,6 +123,7 @@ struct FitResult {                // everything that fit.json holds
   Vec3 rotation = Vec3::Zero(), rotation_std = Vec3::Zero();  // rad
   Vec3 weight = Vec3::Zero(), weight_std = Vec3::Zero();      // N
   std::string weight_why_not;                // of a requested weight that isn't identifiable
+  std::vector<Estimate> shapes;              // further parameters of the bases (law_fit.h)
   Estimate lowpass;                          // time constant of the sensor, s
   double delay_lowpass_correlation = 0;      // where both were estimated
   std::vector<RecordingFit> recordings;      // per recording

@@ -24,6 +24,7 @@ FreeSet free_set(const ModelState& state, std::size_t recordings, const Asked& a
     if (asked.rotation) free.free_shared(kRotation + i);
     if (asked.weight) free.free_shared(kWeight + i);
   }
+  for (int s = 0; s < state.shapes; ++s) free.free_shared(kShape + s);
   for (std::size_t r = 0; r < recordings; ++r)
     for (int i = 0; i < 3; ++i) {
       if (asked.bias) free.free_own(r, i);

@@ -171,6 +171,23 @@ void describe_sensor(const Solution& solution, const BlockDraws& draws, const As
   }
 }
 
+void describe_shapes(const Solution& solution, const BlockDraws& draws, const Blocks& blocks,
+                     FitResult& result) {
+  const std::size_t n = blocks.chunks.size();
+  const double t = student_95(std::max(1.0, static_cast<double>(n) - 2));
+  for (int s = 0; s < solution.state.shapes; ++s) {
+    const Eigen::VectorXd change =
+        draws.steps.row(draws.free.shared[static_cast<std::size_t>(kShape + s)]);
+    Estimate e;
+    e.value = solution.state.shared[kShape + s];
+    e.std = std::sqrt(change.squaredNorm() / static_cast<double>(change.size())) *
+            inflation(n, 4 + solution.state.shapes);
+    e.low = e.value - t * e.std;
+    e.high = e.value + t * e.std;
+    result.shapes.push_back(e);
+  }
+}
+
 void describe_tissues(const Solution& solution, const BlockDraws& draws, const Blocks& blocks,
                       FitResult& result) {
   Reported reported;

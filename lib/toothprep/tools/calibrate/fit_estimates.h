@@ -22,6 +22,9 @@ struct BlockDraws {
 BlockDraws draw_blocks(const Solution& solution, const Asked& asked, const FitOptions& options);
 void describe_sensor(const Solution& solution, const BlockDraws& draws, const Asked& asked,
                      FitResult& result);
+// And: the further parameters.
+void describe_shapes(const Solution& solution, const BlockDraws& draws, const Blocks& blocks,
+                     FitResult& result);
 // And: u and alpha per tissue, their correlation and draws.
 void describe_tissues(const Solution& solution, const BlockDraws& draws, const Blocks& blocks,
                       FitResult& result);

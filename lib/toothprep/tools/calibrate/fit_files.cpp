@@ -116,9 +116,41 @@ Json recording_json(const RecordingFit& own, const std::string* sha256, bool sev
   return out;
 }
 
+Json law_json(const LawFit& l) {
+  const double unit = units::to_joule_per_mm3(1);
+  Json out;
+  out["law"] = name_of(l.law);
+  out["residual_rms_n"] = l.fit.residual_rms;
+  out["validation_rms_n"] = number_or_null(l.fit.validation_rms);
+  out["criterion"] = l.criterion;
+  out["suffices"] = l.fit.constant_suffices;
+  out["settled"] = l.settled;
+  out["replays"] = l.rounds;
+  out["tissues"] = Json::object();
+  for (int k = 0; k < kTissueCount; ++k) {
+    const TissueFit& t = l.fit.tissue[k];
+    if (!t.ratio_identifiable) continue;
+    Json tissue;
+    tissue["u_j_per_mm3"] = number_or_null(t.u.value * unit);
+    tissue["u_ci95_j_per_mm3"] = interval(t.u, unit);
+    tissue["alpha"] = number_or_null(t.alpha.value);
+    tissue["alpha_ci95"] = interval(t.alpha);
+    if (l.law != LawKind::kPaper) tissue["reference_chip_um"] = 1e3 * l.tissue[k].reference_chip;
+    for (const LawParameter& p : l.parameters) {
+      if (p.tissue != k) continue;
+      tissue[p.name] = number_or_null(p.estimate.value);
+      tissue[p.name + "_std"] = number_or_null(p.estimate.std);
+      tissue[p.name + "_ci95"] = interval(p.estimate);
+      tissue[p.name + "_identifiable"] = p.identifiable;
+    }
+    out["tissues"][std::string(kTissueNames[k])] = tissue;
+  }
+  return out;
+}
+
 }  // namespace
 
-std::string fit_json(const FitResult& fit, const FitSources& sources) {
+std::string fit_json(const FitResult& fit, const FitSources& sources, const LawComparison* laws) {
   Json j;
   j["schema"] = "toothprep-fit";
   j["schema_version"] = 1;
@@ -153,6 +185,12 @@ std::string fit_json(const FitResult& fit, const FitSources& sources) {
                              {"high", b.high},
                              {"force_factor", b.factor},
                              {"force_factor_std", b.std}});
+  if (laws) {
+    for (const LawFit& l : laws->laws) j["laws"].push_back(law_json(l));
+    j["best_law"] = name_of(laws->laws[laws->best].law);
+    j["laws_like_the_best"] = laws->like_the_best;
+    j["law_verdict"] = laws->verdict;
+  }
   j["warnings"] = fit.warnings;
   return json_text(j);
 }
@@ -186,7 +224,8 @@ std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
     const TissueFit& t = fit.tissue[k];
     const std::string name(kTissueNames[k]);
     if (t.identifiable) {
-      p.tissue[k] = {t.u.value, t.alpha.value};
+      p.tissue[k].specific_energy = t.u.value;
+      p.tissue[k].force_ratio = t.alpha.value;
       text += fmt::format(
           "# {}: u = {:.5g} +- {:.2g} J/mm3, alpha = {:.4g} +- {:.2g} (standard deviations)\n",
           name, units::to_joule_per_mm3(t.u.value), units::to_joule_per_mm3(t.u.std), t.alpha.value,
@@ -202,6 +241,28 @@ std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
     }
   }
   return text + to_toml(p);
+}
+
+std::string fitted_parameters_toml(const LawComparison& laws, const Parameters& base,
+                                   const FitSources& sources) {
+  const LawFit& best = laws.laws[laws.best];
+  if (best.law == LawKind::kPaper) return fitted_parameters_toml(best.fit, base, sources);
+  Parameters p = base;
+  std::string text = fmt::format("# Law {}: {}.\n", name_of(best.law), laws.verdict);
+  for (const LawParameter& own : best.parameters) {
+    const auto k = static_cast<std::size_t>(own.tissue);
+    const GrindingProperties& t = best.tissue[k];
+    p.tissue[k].size_exponent = t.size_exponent;
+    p.tissue[k].ratio_exponent = t.ratio_exponent;
+    p.tissue[k].rubbing_pressure = t.rubbing_pressure;
+    p.tissue[k].rubbing_friction = t.rubbing_friction;
+    p.tissue[k].up_cutting = t.up_cutting;
+    p.tissue[k].reference_chip = t.reference_chip;
+    text += fmt::format("# {}: {} = {:.4g} +- {:.2g}{}\n", kTissueNames[k], own.name,
+                        own.estimate.value, own.estimate.std,
+                        own.identifiable ? "" : ", not identifiable");
+  }
+  return text + fitted_parameters_toml(best.fit, p, sources);
 }
 
 void write_plot_tables(const FitResult& fit, const std::vector<ComparedRecording>& recordings,

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "toothprep/tools/calibrate/fit.h"
+#include "toothprep/tools/calibrate/law_fit.h"
 
 namespace toothprep {
 
@@ -16,12 +16,17 @@ struct FitSources {
 };
 
 // Schema toothprep-fit; keys carry their units, and what isn't identifiable is null beside its
-// reason.
-[[nodiscard]] std::string fit_json(const FitResult& fit, const FitSources& sources);
+// reason. With `laws` also these, side by side.
+[[nodiscard]] std::string fit_json(const FitResult& fit, const FitSources& sources,
+                                   const LawComparison* laws = nullptr);
 
 // `base` with the identified u and alpha in it, as a parameter file, with comments on where each
 // number comes from.
 [[nodiscard]] std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
+                                                 const FitSources& sources);
+
+// The same by the best of the laws.
+[[nodiscard]] std::string fitted_parameters_toml(const LawComparison& laws, const Parameters& base,
                                                  const FitSources& sources);
 
 // What scripts/plot-calibration draws, beside fit.json: force-N.csv per recording (thinned: at most

@@ -33,26 +33,34 @@ class ChunkCost final : public ceres::SizedCostFunction<kColumns + 1, kShared, k
       r[0] = std::sqrt(sums.cost);
       return true;
     }
-    Eigen::Matrix<double, n, n> A;
-    A.topLeftCorner<kColumns, kColumns>() = sums.H;
-    A.topRightCorner<kColumns, 1>() = sums.g;
-    A.bottomLeftCorner<1, kColumns>() = sums.g.transpose();
-    A(kColumns, kColumns) = sums.cost;
+    // Over the free columns, which are few; the last is the residual's.
+    const auto m = static_cast<Eigen::Index>(state_.columns.size());
+    Eigen::MatrixXd A(m + 1, m + 1);
+    for (Eigen::Index a = 0; a < m; ++a) {
+      const int i = state_.columns[static_cast<std::size_t>(a)];
+      A(a, m) = A(m, a) = sums.g[i];
+      for (Eigen::Index c = 0; c < m; ++c)
+        A(a, c) = sums.H(i, state_.columns[static_cast<std::size_t>(c)]);
+    }
+    A(m, m) = sums.cost;
     // Columns to length one first: their sizes differ by many orders.
-    Eigen::Matrix<double, n, 1> scale;
-    for (int i = 0; i < n; ++i) scale[i] = A(i, i) > 0 ? std::sqrt(A(i, i)) : 0;
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j)
+    Eigen::VectorXd scale(m + 1);
+    for (Eigen::Index i = 0; i <= m; ++i) scale[i] = A(i, i) > 0 ? std::sqrt(A(i, i)) : 0;
+    for (Eigen::Index i = 0; i <= m; ++i)
+      for (Eigen::Index j = 0; j <= m; ++j)
         A(i, j) = scale[i] > 0 && scale[j] > 0 ? A(i, j) / (scale[i] * scale[j]) : 0;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, n, n>> eigen(A);
-    const Eigen::Matrix<double, n, n> root =
-        eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
-        eigen.eigenvectors().transpose() * scale.asDiagonal();
-    r = root.col(kColumns);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(A);
+    const Eigen::MatrixXd root = eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
+                                 eigen.eigenvectors().transpose() * scale.asDiagonal();
+    r.setZero();
+    r.head(m + 1) = root.col(m);
     using SharedColumns = Eigen::Matrix<double, n, kShared, Eigen::RowMajor>;
     using OwnColumns = Eigen::Matrix<double, n, kOwn, Eigen::RowMajor>;
-    if (double* J = jacobians[0]) Eigen::Map<SharedColumns>{J} = root.leftCols<kShared>();
-    if (double* J = jacobians[1]) Eigen::Map<OwnColumns>{J} = root.middleCols<kOwn>(kShared);
+    Eigen::Matrix<double, n, kColumns> J = Eigen::Matrix<double, n, kColumns>::Zero();
+    for (Eigen::Index a = 0; a < m; ++a)
+      J.col(state_.columns[static_cast<std::size_t>(a)]).head(m + 1) = root.col(a);
+    if (double* to = jacobians[0]) Eigen::Map<SharedColumns>{to} = J.leftCols<kShared>();
+    if (double* to = jacobians[1]) Eigen::Map<OwnColumns>{to} = J.middleCols<kOwn>(kShared);
     return true;
   }
 
@@ -172,9 +180,12 @@ ModelState moved_to(const Linear& linear, const FreeSet& free, const FitOptions&
                                       : o.start[k].specific_energy / o.start[k].force_ratio;
       if (p >= 0) state.shared[i] = std::log(linear.x[p] > 0 ? linear.x[p] : std::max(start, 1e-3));
     }
-  for (int i = 0; i < 3; ++i)
-    if (const int p = free.shared[static_cast<std::size_t>(kWeight + i)]; p >= 0)
-      state.shared[kWeight + i] += linear.x[p];
+  const auto add = [&](int place) {
+    if (const int p = free.shared[static_cast<std::size_t>(place)]; p >= 0)
+      state.shared[place] += linear.x[p];
+  };
+  for (int i = 0; i < 3; ++i) add(kWeight + i);
+  for (int s = 0; s < state.shapes; ++s) add(kShape + s);
   for (std::size_t r = 0; r < state.own.size(); ++r)
     for (int i = 0; i < kOwn; ++i)
       if (const int p = free.own[r][static_cast<std::size_t>(i)]; p >= 0)

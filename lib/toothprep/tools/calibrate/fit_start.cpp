@@ -146,6 +146,7 @@ void set_state(const FitOptions& o, FitStart& start) {
   ModelState& state = start.state;
   FitData& data = start.data;
   state.loss = o.loss;
+  state.shapes = static_cast<int>(data.recordings.front().basis->shape.size());
   state.shared[kDelay] = o.delay;
   state.shared.segment<3>(kRotation) = o.rotation;
   state.shared.segment<3>(kWeight) = o.weight;

@@ -28,6 +28,41 @@ Vec3 turn_rate(const Quat& from, const Quat& to, double h) {
   return turn.vec() * (2 * std::atan2(sine, turn.w()) / sine / h);
 }
 
+// What the contact says of each law, put into the columns of its basis.
+class LawColumns {
+ public:
+  LawColumns(const std::vector<UnitLaw>& laws, std::size_t samples, ForceBasis& basis)
+      : basis_(basis), samples_(static_cast<Eigen::Index>(samples)) {
+    for (const UnitLaw& law : laws) laws_.emplace_back(law.begin(), law.end());
+    basis.by_law.resize(laws.size());
+  }
+  bool any() const { return !laws_.empty(); }
+  PerTissue<TissueBasis> paper(const ContactSet& contact, const Vec3& v, const Vec3& omega,
+                               double rate) const {
+    return contact.nonlinear().basis(paper_, v, omega, rate);
+  }
+  void put(std::size_t i, const ContactSet& contact, const Quat& to_world, const Vec3& v,
+           const Vec3& omega, double rate) {
+    for (std::size_t l = 0; l < laws_.size(); ++l) {
+      const auto parts = contact.nonlinear().basis(laws_[l], v, omega, rate);
+      for (int k = 0; k < kTissueCount; ++k) {
+        if (parts[k].torque == 0 && parts[k].normal.isZero(0)) continue;
+        auto& columns = basis_.by_law[l][k];
+        if (columns.cols() == 0) columns.setZero(6, samples_);
+        const auto c = static_cast<Eigen::Index>(i);
+        columns.col(c).head<3>() = to_world * parts[k].tangential / rate;
+        columns.col(c).tail<3>() = to_world * parts[k].normal / rate;
+      }
+    }
+  }
+
+ private:
+  ForceBasis& basis_;
+  Eigen::Index samples_;
+  std::vector<std::vector<GrindingLaw>> laws_;
+  std::vector<GrindingLaw> paper_{kTissueCount, GrindingLaw({1, 1})};
+};
+
 }  // namespace
 
 Vec3 force_at(const ForceBasis& basis, std::size_t i, const PerTissue<GrindingProperties>& tissue) {
@@ -52,10 +87,12 @@ double torque_at(const ForceBasis& basis, std::size_t i,
 
 ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Parameters& parameters,
                        const std::vector<HandleSample>& path, const SpindleRecord& spindle,
-                       const std::function<void(double)>& progress) {
+                       const std::function<void(double)>& progress,
+                       const std::vector<UnitLaw>& laws) {
   if (path.size() < 2) throw Error("a recorded motion needs at least two samples");
   Parameters unit = parameters;
   for (GrindingProperties& k : unit.tissue) k = {1, 1};
+  if (!laws.empty()) unit.tissue[0].up_cutting = 0.5;  // any law for which elements are kept
   unit.handpiece.model = HandpieceModel::kFixed;
   unit.handpiece.stall_torque = std::numeric_limits<double>::infinity();
 
@@ -73,6 +110,7 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
   basis.area.assign(path.size(), 0);
   basis.removal.assign(path.size(), 0);
   basis.axial.assign(path.size(), 0);
+  LawColumns by_law(laws, path.size(), basis);
   for (const double v : engine->clear(path.front().pose)) basis.initial_overlap += v;
 
   for (std::size_t i = 1; i < path.size(); ++i) {
@@ -90,7 +128,10 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
     if (v.squaredNorm() > 0 || omega.squaredNorm() > 0) {
       engine->sample(before, v, omega);
       if (engine->contact().size() > 0) {
-        const PerTissue<TissueBasis> parts = engine->contact().basis(v, omega);
+        const PerTissue<TissueBasis> parts = by_law.any()
+                                                 ? by_law.paper(engine->contact(), v, omega, rate)
+                                                 : engine->contact().basis(v, omega);
+        if (by_law.any()) by_law.put(i, engine->contact(), before.orientation, v, omega, rate);
         for (int k = 0; k < kTissueCount; ++k) {
           if (parts[k].torque == 0 && parts[k].normal.isZero(0)) continue;
           TissueColumns& t = basis.tissue[k];
@@ -125,7 +166,8 @@ ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Paramete
 std::vector<ForceBasis> force_bases(const Bur& bur, const LayeredTooth& tooth,
                                     const Parameters& parameters,
                                     const std::vector<RecordedMotion>& motions,
-                                    const std::function<void(double)>& progress) {
+                                    const std::function<void(double)>& progress,
+                                    const std::vector<UnitLaw>& laws) {
   std::vector<ForceBasis> bases(motions.size());
   double all = 0;
   for (const RecordedMotion& m : motions) all += static_cast<double>(m.path.size());
@@ -141,7 +183,8 @@ std::vector<ForceBasis> force_bases(const Bur& bur, const LayeredTooth& tooth,
                              for (const double d : done) sum += d;
                              progress(sum);
                            })
-                                    : std::function<void(double)>());
+                                    : std::function<void(double)>(),
+                           laws);
   });
   return bases;
 }

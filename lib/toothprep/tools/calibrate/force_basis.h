@@ -51,6 +51,11 @@ struct ForceBasis {
   PerTissue<TissueColumns> tissue;  // per tissue
   // Force that no parameter scales, W, N: of a replay that was linearised (coupled.h). Else empty.
   Eigen::Matrix3Xd offset;
+  // By the laws that were asked for beside the paper's, in their order: rows as above.
+  std::vector<PerTissue<Eigen::Matrix<double, 6, Eigen::Dynamic>>> by_law;
+  // W, N per unit of further parameters that the force is linear in (law_fit.h); not all of them
+  // need columns.
+  std::vector<Eigen::Matrix3Xd> shape;
   std::vector<float> area;     // advancing contact, mm²
   std::vector<float> removal;  // volume that contact removes per time, mm³/s
   std::vector<float> axial;    // cosine of feed and the bur's axis: -1 plunges, 0 feeds sideways
@@ -60,6 +65,10 @@ struct ForceBasis {
   bool touched(int k) const { return tissue[k].force.cols() > 0; }  // tissue index
 };
 
+// A law that a basis is asked for beside the paper's, per tissue: with u = alpha = 1, or with u = 0
+// and p = mu = 1 (what rubs).
+using UnitLaw = PerTissue<GrindingProperties>;
+
 // The force on the bur at sample i for given u and alpha, W, N; and the spindle's torque, N·mm.
 [[nodiscard]] Vec3 force_at(const ForceBasis& basis, std::size_t i,
                             const PerTissue<GrindingProperties>& tissue);
@@ -68,16 +77,19 @@ struct ForceBasis {
 
 // Runs `path` (samples at parameters.time_step) through `tooth`, which stays as it is. u, alpha,
 // stall and coupling of `parameters` play no part. `progress` as in step/session/replay.h. Throws Error
-// for fewer than two samples, and as make_engine() does.
+// for fewer than two samples, and as make_engine() does. `laws`: by which ForceBasis::by_law is
+// filled; they need a reference_chip.
 ForceBasis force_basis(const Bur& bur, const LayeredTooth& tooth, const Parameters& parameters,
                        const std::vector<HandleSample>& path, const SpindleRecord& spindle = {},
-                       const std::function<void(double)>& progress = {});
+                       const std::function<void(double)>& progress = {},
+                       const std::vector<UnitLaw>& laws = {});
 
 // The same of several motions, in parallel; `progress` gets how many of their samples are done,
 // from one thread at a time.
 std::vector<ForceBasis> force_bases(const Bur& bur, const LayeredTooth& tooth,
                                     const Parameters& parameters,
                                     const std::vector<RecordedMotion>& motions,
-                                    const std::function<void(double)>& progress = {});
+                                    const std::function<void(double)>& progress = {},
+                                    const std::vector<UnitLaw>& laws = {});
 
 }  // namespace toothprep

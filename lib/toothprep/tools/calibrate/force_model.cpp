@@ -31,6 +31,7 @@ struct Constants {
   std::array<Mat3, 3> turned;  // d(Q^T)/d(rotation vector)
   Vec3 weight, bias, drift;
   double delay, lowpass;
+  Eigen::Matrix<double, kMostShapes, 1> shape;
 
   Constants(const SharedVector& shared, const OwnVector& own, const ModelState& state) {
     for (int k = 0; k < kTissueCount; ++k) {
@@ -52,6 +53,7 @@ struct Constants {
     drift = own.tail<3>();
     delay = shared[kDelay];
     lowpass = shared[kLowpass];
+    shape = shared.segment<kMostShapes>(kShape);
   }
 };
 
@@ -79,6 +81,22 @@ Vec3 model_at(const ComparedRecording& r, std::size_t j, const Constants& c,
       force += c.lowpass * slope;
       by_lowpass += slope;
     }
+  }
+  if (J) J->middleCols<kMostShapes>(kShape).setZero();
+  for (int s = 0; s < state.shapes; ++s) {
+    const auto place_of = static_cast<std::size_t>(s);
+    const Eigen::Matrix3Xd& columns = r.shape(place_of);
+    if (columns.cols() == 0) continue;
+    Vec3 low = columns.col(i);
+    const Vec3 step = columns.col(i + 1) - low;
+    if (const Eigen::Matrix3Xd& slopes = r.shape_slope[place_of]; slopes.cols() > 0) {
+      const Vec3 slope = (1 - f) * slopes.col(i) + f * slopes.col(i + 1);
+      low += c.lowpass * slope;
+      by_lowpass += c.shape[s] * slope;
+    }
+    force += c.shape[s] * (low + f * step);
+    change += c.shape[s] * step;
+    if (J) J->col(kShape + s) = rotation * (low + f * step);
   }
   for (int k = 0; k < kTissueCount; ++k) {
     if (state.mode[k] == TissueMode::kOff || !basis.touched(k)) {
@@ -199,6 +217,10 @@ void set_lowpass(ComparedRecording& r, double time_constant, bool with_slope) {
   };
   for (int k = 0; k < kTissueCount; ++k) set(r.basis->tissue[k].force, r.filtered[k], r.slope[k]);
   set(r.basis->offset, r.filtered_offset, r.offset_slope);
+  r.filtered_shape.resize(r.basis->shape.size());
+  r.shape_slope.resize(r.basis->shape.size());
+  for (std::size_t s = 0; s < r.basis->shape.size(); ++s)
+    set(r.basis->shape[s], r.filtered_shape[s], r.shape_slope[s]);
 }
 
 std::vector<Chunk> chunks_of(const std::vector<ComparedRecording>& recordings, double length) {

@@ -1,6 +1,6 @@
 // What the sensor should read, for given parameters, and how that changes with each of them.
 //
-//   y(t) = Q^T C(t)^T [ sum_k u_k T_k(t - tau) + w_k N_k(t - tau) + g ] + b + d (t - t_mid)
+//   y(t) = Q^T C(t)^T [ sum_k u_k T_k(t - tau) + w_k N_k(t - tau) + sum_j c_j S_j(t - tau) + g ] + b + d (t - t_mid)
 //
 //   symbol       here                     unit      frame
 //   u_k          exp(x[2k])               N/mm²           specific grinding energy
@@ -10,6 +10,8 @@
 //   Q            x[kRotation .. + 3]      rad       sensor to its nominal frame, rotation vector
 //   C            orientation of the bur   1         B to W for a sensor on the handpiece, else 1
 //   g            x[kWeight .. + 3]        N         W     weight of the handpiece on its sensor
+//   c_j          x[kShape + j]                                further parameters, if any (law_fit.h)
+//   S_j          ForceBasis::shape        N per c_j W
 //   tau_f        filter + x[kLowpass]     s               time constant of its low-pass
 //   b, d         own[0 .. 3], [3 .. 6]    N, N/s    sensor, per recording
 //
@@ -29,9 +31,10 @@ namespace toothprep {
 
 constexpr int kDelay = 2 * kTissueCount, kRotation = kDelay + 1, kWeight = kRotation + 3;  // places
 constexpr int kLowpass = kWeight + 3;                                                      // place
-constexpr int kShared = kLowpass + 1;     // of all recordings
-constexpr int kOwn = 6;                   // of each: bias, drift
-constexpr int kColumns = kShared + kOwn;  // of the Jacobian of a sample
+constexpr int kShape = kLowpass + 1, kMostShapes = 3 * kTissueCount;                       // place
+constexpr int kShared = kShape + kMostShapes;  // of all recordings
+constexpr int kOwn = 6;                        // of each: bias, drift
+constexpr int kColumns = kShared + kOwn;       // of the Jacobian of a sample
 
 enum class TissueMode { kOff, kHeld, kTied, kFree };  // of a tissue's u and alpha in a fit
 enum class RobustLoss { kNone, kHuber, kCauchy };     // on residuals
@@ -42,16 +45,20 @@ struct ComparedRecording {
   const ForceBasis* basis = nullptr;  // of the same motion
   // Where there is a low-pass: the basis after it, and that by its time constant (per s).
   PerTissue<Eigen::Matrix<double, 6, Eigen::Dynamic>> filtered, slope;
-  Eigen::Matrix3Xd filtered_offset, offset_slope;  // the same of the offset
-  std::vector<double> time;                        // of the samples that count, s
-  std::vector<Vec3> force;                         // measured, N, sensor
-  std::vector<Quat> frame;                         // C; empty: none
-  double middle = 0;                               // t_mid
-  double sigma = 1;                                // N, noise per axis
-  std::size_t stalled = 0;                         // samples left out since the bur stood still
+  Eigen::Matrix3Xd filtered_offset, offset_slope;             // the same of the offset
+  std::vector<Eigen::Matrix3Xd> filtered_shape, shape_slope;  // the same of each shape column
+  std::vector<double> time;                                   // of the samples that count, s
+  std::vector<Vec3> force;                                    // measured, N, sensor
+  std::vector<Quat> frame;                                    // C; empty: none
+  double middle = 0;                                          // t_mid
+  double sigma = 1;                                           // N, noise per axis
+  std::size_t stalled = 0;  // samples left out since the bur stood still
 
   [[nodiscard]] const Eigen::Matrix<double, 6, Eigen::Dynamic>& columns(int k) const {  // in use
     return filtered[k].cols() > 0 ? filtered[k] : basis->tissue[k].force;
+  }
+  [[nodiscard]] const Eigen::Matrix3Xd& shape(std::size_t j) const {  // in use
+    return filtered_shape[j].cols() > 0 ? filtered_shape[j] : basis->shape[j];
   }
   [[nodiscard]] const Eigen::Matrix3Xd& offset() const {  // in use
     return filtered_offset.cols() > 0 ? filtered_offset : basis->offset;
@@ -78,6 +85,7 @@ struct Chunk {                     // a run of samples
 
 struct ModelState {                      // what the residuals depend on
   PerTissue<TissueMode> mode{};          // per tissue
+  int shapes = 0;                        // further parameters, all of them free
   PerTissue<double> tied_ratio{};        // alpha0
   RobustLoss loss = RobustLoss::kHuber;  // on the residuals
   std::vector<int> columns;              // of the Jacobian that sums are wanted of; empty: all

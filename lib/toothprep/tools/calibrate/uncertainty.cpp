@@ -112,9 +112,10 @@ double correlation_time(const std::vector<double>& series, double step) {
   if (n < 20) return step;
   std::vector<double> x(series.begin(), series.begin() + static_cast<std::ptrdiff_t>(n));
   std::vector<double> size(n);
-  double mean = 0;
-  for (const double v : x) mean += v / static_cast<double>(n);
-  for (std::size_t i = 0; i < n; ++i) size[i] = std::abs(x[i] -= mean);
+  // The middle, and not the mean: outliers would leave the others off it, which looks like a
+  // correlation that never ends.
+  const double middle = median(x);
+  for (std::size_t i = 0; i < n; ++i) size[i] = std::abs(x[i] -= middle);
   const double limit = 3 * kSigmaOfMedian * median(std::move(size));
   double power = 0;
   for (double& v : x) {

@@ -63,11 +63,10 @@ class Looking {
 };
 
 // `ground`: removed in all intervals, mm³.
-EnergyAudit audit_of(double torque_work, const PerTissue<double>& ground,
+EnergyAudit audit_of(const SessionTotals& totals, const PerTissue<double>& ground,
                      const Parameters& parameters) {
-  EnergyAudit audit{torque_work, 0, std::numeric_limits<double>::quiet_NaN()};
-  for (int k = 0; k < kTissueCount; ++k)
-    audit.removed_energy_mj += parameters.tissue[k].specific_energy * ground[k];
+  EnergyAudit audit{totals.torque_work, energy_of_removal(parameters, totals, ground),
+                    std::numeric_limits<double>::quiet_NaN()};
   if (audit.removed_energy_mj > 0)
     audit.energy_ratio = audit.torque_work_mj / audit.removed_energy_mj;
   return audit;
@@ -143,7 +142,7 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
   if (began) {
     const SessionTotals t = controller.intervals().totals();
     const PerTissue<double> ground = controller.intervals().ground();
-    audit = audit_of(t.torque_work, ground, settings.parameters);
+    audit = audit_of(t, ground, settings.parameters);
     outcome.totals = t;
     outcome.audit =
         judge_audit(t.torque_work, audit.removed_energy_mj, ground, settings.parameters);

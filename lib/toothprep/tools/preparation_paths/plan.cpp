@@ -90,6 +90,10 @@ void Plan::hold(double seconds) { strokes.back().hold += seconds; }
 
 void choose_feeds(Plan& plan, const ToothGrid& grid, const Bur& bur, const Parameters& parameters,
                   Drive drive) {
+  if (!is_linear(parameters))
+    throw Error(
+        "prepare chooses its feeds by the paper's law: leave size_exponent, ratio_exponent, "
+        "rubbing_pressure_n_per_mm2 and up_cutting out of --params");
   const Limits limits = limits_of(parameters, drive, plan.roughing_lag);
   const double n = parameters.handpiece.rotation_rate;
   Milling milling(grid, bur);
