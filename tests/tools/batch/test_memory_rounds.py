@@ -110,6 +110,17 @@ class MemoryRounds(CommandTest):
             self.job(collector)
             self.assertEqual(self.asked(collector // 2 + 1), asked, state)
 
+    def test_a_job_that_only_failed_gets_more_memory_where_its_log_names_the_memory(self):
+        self.submit()
+        self.write("fake/squeue.txt", "1 FAILED\n")
+        self.write("fake/sacct.txt", "FAILED\n")
+        for log, asked in (("toothprep: exceeded memory limit\n", (10, 100)),
+                           ("slurmstepd-n1: error: StepId=1.batch exceeded memory limit (2 > 1), being killed\n", (10, 200))):
+            collector = int(self.read("fake/count"))
+            self.write(f"out/.batch/slurm/round-{collector // 2}/1_0.log", log)
+            self.job(collector)
+            self.assertEqual(self.asked(collector // 2 + 1), asked, log)
+
     def test_no_more_memory_is_asked_for_than_the_largest_node_has(self):
         self.write("fake/sinfo.txt", "150\n330\n240\n")
         self.write("fake/sacct.txt", "OUT_OF_MEMORY\n")

@@ -36,6 +36,13 @@ name = "tooth"
 command = "specimen block"
 arguments = { size_mm = "2,2,2", voxel_mm = 0.25 }
 """
+# A block that takes seconds and several times the memory that is first asked for.
+HEAVY = """
+[[item]]
+name = "block"
+command = "specimen block"
+arguments = { size_mm = "12,12,12", voxel_mm = 0.03 }
+"""
 PATH = """start_mm = [0, 0.7, 0]
 axis = [0, 1, 0]
 rate_hz = 200
@@ -89,9 +96,9 @@ class Slurm(unittest.TestCase):
         # os.walk: folders of parts come and go meanwhile
         return sum("item.json" in files for _, _, files in os.walk(os.path.join(self.work, folder)))
 
-    def assert_same_as_local(self):
+    def assert_same_as_local(self, names=("batch.csv", "batch.json", "batch.h5", "summary.csv")):
         self.batch("-o", "near", "--quiet")
-        for name in ("batch.csv", "batch.json", "batch.h5", "summary.csv"):
+        for name in names:
             self.assertEqual(Path(self.work, "far", name).read_bytes(), Path(self.work, "near", name).read_bytes(), name)
         # Nothing ran twice to its end: one line for each item in all ledgers.
         lines = collections.Counter()
@@ -148,6 +155,18 @@ class Slurm(unittest.TestCase):
         first, second = (json.loads(Path(self.work, f"far/.batch/slurm/round-{n}.json").read_text()) for n in (1, 2))
         self.assertEqual(second["minutes"], 2 * first["minutes"])
         self.assert_same_as_local()
+
+    def test_an_item_that_outgrows_its_memory_is_killed_and_gets_more(self):
+        Path(self.work, "sweep.toml").write_text(HEAVY)
+        self.submit("--items-per-job", "1")
+        self.wait()
+        asked = [json.loads(path.read_text())["memory_mb"]
+                 for path in sorted(Path(self.work, "far/.batch/slurm").glob("round-*.json"))]
+        said = "".join(path.read_text() for path in Path(self.cluster.folder).glob("slurmd-n*.log"))
+        self.assertIn("exceeded memory limit", said)
+        self.assertGreater(len(asked), 1)
+        self.assertEqual(asked, [100 * 2**n for n in range(len(asked))])
+        self.assert_same_as_local(("batch.csv", "batch.json", "batch.h5"))
 
 
 if __name__ == "__main__":

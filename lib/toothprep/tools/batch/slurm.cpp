@@ -301,6 +301,25 @@ bool any_killed(const fs::path& folder, const std::vector<std::string>& jobs) {
   return false;
 }
 
+// Whether Slurm wrote into a job's log that it killed it for its memory. Where jobacct_gather watches
+// the limit, such a job's state is only FAILED.
+bool any_log_tells_of_memory(const fs::path& folder, int round) {
+  static const std::vector<std::string> kWords = {
+      "exceeded memory limit", "Exceeded job memory limit", "oom-kill event", "oom_kill event"};
+  std::error_code error;
+  const fs::path logs = slurm_folder(folder) / fmt::format("round-{}", round);
+  for (const auto& entry : fs::directory_iterator(logs, error)) {
+    if (entry.path().extension() != ".log") continue;
+    std::ifstream log(entry.path());
+    for (std::string line; std::getline(log, line);) {
+      if (line.rfind("slurmstepd", 0) != 0) continue;
+      for (const std::string& words : kWords)
+        if (line.find(words) != std::string::npos) return true;
+    }
+  }
+  return false;
+}
+
 // Of the largest node of the partition (all of them without a name), MB; infinite if nobody says.
 double largest_memory_mb(const std::string& partition) {
   std::vector<std::string> question = {"sinfo", "--noheader", "--Node", "--format=%m"};
@@ -327,7 +346,8 @@ Round next_round(const BatchOptions& o, const SlurmOptions& s, const Round& last
     states.counts[state] += count;
   const bool unknown = states.counts.empty();
   if (unknown || states.counts.count("TIMEOUT")) next.minutes *= 2;
-  if (unknown || states.counts.count("OUT_OF_MEMORY") || any_killed(o.folder, workers))
+  if (unknown || states.counts.count("OUT_OF_MEMORY") || any_killed(o.folder, workers) ||
+      any_log_tells_of_memory(o.folder, last.number))
     next.memory_mb = std::max(
         last.memory_mb,
         std::min(2 * last.memory_mb, std::floor(largest_memory_mb(s.partition) / o.at_once)));
