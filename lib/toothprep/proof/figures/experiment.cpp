@@ -25,7 +25,8 @@ const std::vector<std::pair<std::string, Kind>> kKinds = {
     {"passes", Kind::kPasses},
     {"ablations", Kind::kAblations},
     {"feasibility", Kind::kFeasibility},
-    {"validation", Kind::kValidation}};
+    {"validation", Kind::kValidation},
+    {"transparency", Kind::kTransparency}};
 
 std::string beside(const std::string& folder, const std::string& file) {
   return (fs::path(folder) / file).lexically_normal().string();  // an absolute file stays
@@ -130,23 +131,78 @@ void read_runs(StrictTable& root, const std::string& folder, const Run& top, Exp
   }
 }
 
+void read_model(StrictTable& device, PhantomModel& model) {
+  if (const auto x = device.number("apparent_mass_g")) model.apparent_mass = units::from_gram(*x);
+  if (const auto x = device.number("damping_n_s_per_m")) model.damping = *x * kFromPerMetre;
+  if (const auto x = device.number("friction_n")) model.friction = *x;
+  if (const auto x = device.number("encoder_count_mm")) model.encoder_count = *x;
+  if (const auto x = device.number("force_limit_n")) model.force_limit = *x;
+  if (const auto x = device.integer("delay_ticks"))
+    model.delay_ticks = static_cast<int>(std::clamp<std::int64_t>(*x, -1, 1000));
+}
+
+void read_hand(StrictTable& root, Experiment& e) {
+  auto hand = root.table("hand");
+  if (!hand) return;
+  if (const auto x = hand->number("mass_g")) e.hand.mass = units::from_gram(*x);
+  if (const auto x = hand->number("stiffness_n_per_m")) e.hand.stiffness = *x * kFromPerMetre;
+  if (const auto x = hand->number("damping_n_s_per_m")) e.hand.damping = *x * kFromPerMetre;
+  hand->done();
+}
+
 void read_device_and_hand(StrictTable& root, Experiment& e) {
   if (auto device = root.table("device")) {
-    if (const auto x = device->number("apparent_mass_g"))
-      e.device.apparent_mass = units::from_gram(*x);
-    if (const auto x = device->number("damping_n_s_per_m")) e.device.damping = *x * kFromPerMetre;
-    if (const auto x = device->number("friction_n")) e.device.friction = *x;
-    if (const auto x = device->number("encoder_count_mm")) e.device.encoder_count = *x;
-    if (const auto x = device->number("force_limit_n")) e.device.force_limit = *x;
-    if (const auto x = device->integer("delay_ticks"))
-      e.device.delay_ticks = static_cast<int>(std::clamp<std::int64_t>(*x, -1, 1000));
+    read_model(*device, e.device);
     device->done();
   }
-  if (auto hand = root.table("hand")) {
-    if (const auto x = hand->number("mass_g")) e.hand.mass = units::from_gram(*x);
-    if (const auto x = hand->number("stiffness_n_per_m")) e.hand.stiffness = *x * kFromPerMetre;
-    if (const auto x = hand->number("damping_n_s_per_m")) e.hand.damping = *x * kFromPerMetre;
-    hand->done();
+  read_hand(root, e);
+}
+
+// Of a table: the value stays if it is not given.
+void read_positive(StrictTable& table, const char* key, double& value, double unit = 1) {
+  if (const auto x = table.number(key)) value = *x * unit;
+  if (!(value > 0) || !std::isfinite(value)) table.refuse(key, "must be positive");
+}
+
+void read_rendering_device(StrictTable& table, RenderingDevice& d) {
+  const auto name = table.text("name");
+  if (!name) table.missing("name", "\"desktop\"");
+  if (!is_plain_name(*name))
+    table.refuse("name", "must be letters, digits and hyphens: it names files");
+  d.name = *name;
+  d.title = table.text("title").value_or(d.name);
+  read_model(table, d.model);
+  if (!(d.model.encoder_count > 0)) table.refuse("encoder_count_mm", "must be positive");
+  read_positive(table, "stiffness_in_practice_n_per_mm", d.practical_stiffness);
+  if (const auto x = table.number("recommended_damping_n_s_per_m"))
+    d.recommended_damping = *x * kFromPerMetre;
+  if (!(d.recommended_damping >= 0) || !std::isfinite(d.recommended_damping))
+    table.refuse("recommended_damping_n_s_per_m", "must not be negative");
+  table.done();
+}
+
+void read_transparency(StrictTable& root, Transparency& t) {
+  auto devices = root.tables("device");
+  if (!devices || devices->empty()) root.missing("device", "... tables [[device]]");
+  for (StrictTable& table : *devices) {
+    t.devices.emplace_back();
+    read_rendering_device(table, t.devices.back());
+  }
+  auto grid = root.table("grid");
+  if (!grid) root.missing("grid", "... a table [grid]");
+  t.stiffnesses = positive(*grid, "stiffnesses_n_per_mm", 1);
+  t.dampings = positive(*grid, "dampings_n_s_per_m", kFromPerMetre);
+  t.feeds = positive(*grid, "feeds_mm_s", 1);
+  t.frequencies = positive(*grid, "frequencies_hz", 1);
+  t.time_steps = positive(*grid, "time_steps_ms", 1e-3);
+  for (const double f : t.frequencies)
+    if (f != std::round(f)) grid->refuse("frequencies_hz", "must be whole numbers");
+  grid->done();
+  if (auto ours = root.table("thresholds")) {
+    read_positive(*ours, "settled_ms", t.settled_time, 1e-3);
+    read_positive(*ours, "settled_percent", t.settled_share, 1e-2);
+    read_positive(*ours, "felt_rms_n", t.felt);
+    ours->done();
   }
 }
 
@@ -206,15 +262,29 @@ Experiment read_experiment(const std::string& folder) {
   Run top;
   top.name = "run";
   top.title = e.title;
-  read_block(root, e, top.block);
-  read_device_and_hand(root, e);
+  if (e.kind == Kind::kTransparency) {
+    read_transparency(root, e.transparency);
+    read_hand(root, e);
+  } else {
+    read_block(root, e, top.block);
+    read_device_and_hand(root, e);
+  }
   try {
     validate(e.device);
     validate(e.hand);
+    for (const RenderingDevice& d : e.transparency.devices) validate(d.model);
   } catch (const InputError&) {
     throw;
   } catch (const Error& error) {
     throw InputError(file, "", error.what());
+  }
+  if (e.kind == Kind::kTransparency) {  // paths and blocks are its own
+    if (const auto x = root.text("bur")) top.bur = *x;
+    if (top.bur.empty()) root.missing("bur", "\"cylinder:D1.2xL3.0\"");
+    if (const auto x = root.text("params")) top.params = beside(folder, *x);
+    root.done();
+    e.runs.push_back(top);
+    return e;
   }
   if (e.kind == Kind::kFeasibility) {
     read_feasibility(root, e.feasibility);

@@ -15,6 +15,7 @@
 //              its map of stability; the first two also of kind "ablations", whose runs have
 //              `engine`, `layers`, `integrator` and `filter_hz` besides
 //   [device], [hand], [map], [stated], [thresholds]   kind "feasibility": see Feasibility
+//   [[device]], [hand], [grid], [thresholds]   kind "transparency": see Transparency
 //   measurements   kind "validation": the folder of the tests, in place of all but title and kind
 #pragma once
 
@@ -41,7 +42,8 @@ enum class Kind {
   kPasses,               // work and force of overlapping straight passes
   kAblations,            // the paper's arguments: its method with parts taken out
   kFeasibility,          // figure 13 as the paper set it up, and what it states at once
-  kValidation            // published cutting tests
+  kValidation,           // published cutting tests
+  kTransparency          // the coupling on several devices: what it hides, what it lets ring
 };
 
 struct Run {
@@ -79,6 +81,27 @@ struct Feasibility {
   std::vector<double> engaged;         // length of the bur in tissue, mm
 };
 
+// A device to render on. What is not in its model: the stiffness that public practice renders
+// stably on it, and the coupling's damper that is recommended for it.
+struct RenderingDevice {
+  std::string name, title;
+  PhantomModel model;              // its rate is that of the time step
+  double practical_stiffness = 1;  // N/mm
+  double recommended_damping = 0;  // N·s/mm
+};
+
+struct Transparency {
+  std::vector<RenderingDevice> devices;
+  std::vector<double> stiffnesses;  // k, N/mm
+  std::vector<double> dampings;     // b, N·s/mm, beside 0
+  std::vector<double> feeds;        // mm/s; the first is that of the closed loops
+  std::vector<double> frequencies;  // whole Hz, of the transfer
+  std::vector<double> time_steps;   // s, of ringing; their limit 0 comes besides
+  double settled_time = 0.02;       // s
+  double settled_share = 0.05;      // of the release
+  double felt = 0.05;               // N, RMS above 20 Hz
+};
+
 struct Experiment {
   std::string name;  // of the folder
   std::string title;
@@ -88,8 +111,9 @@ struct Experiment {
   PhantomModel device;
   HandModel hand;
   StabilityGrid map;
-  Feasibility feasibility;   // kind "feasibility"
-  std::string measurements;  // folder of the cutting tests (cutting_test.h); kind "validation"
+  Feasibility feasibility;    // kind "feasibility"
+  Transparency transparency;  // kind "transparency"
+  std::string measurements;   // folder of the cutting tests (cutting_test.h); kind "validation"
 };
 
 // Reads FOLDER/experiment.toml. Throws InputError with the key for whatever isn't as above.

@@ -173,6 +173,8 @@ int replays_of(const Experiment& experiment, const FigureOptions& options) {
     case Kind::kPreparations:
     case Kind::kDroop:
       return runs;
+    case Kind::kTransparency:
+      return static_cast<int>(experiment.transparency.devices.size()) + 2;
     case Kind::kValidation:
       return static_cast<int>(read_cutting_tests(experiment.measurements).size());
   }

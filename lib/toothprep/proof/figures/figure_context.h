@@ -67,5 +67,6 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
 FigureReport ablation_figure(const Experiment& experiment, FigureContext& context);
 FigureReport feasibility_figure(const Experiment& experiment, FigureContext& context);
 FigureReport validation_figure(const Experiment& experiment, FigureContext& context);
+FigureReport transparency_figure(const Experiment& experiment, FigureContext& context);
 
 }  // namespace toothprep::figures

@@ -33,6 +33,8 @@ FigureReport run_experiment(const Experiment& experiment, FigureContext& context
       return feasibility_figure(experiment, context);
     case Kind::kValidation:
       return validation_figure(experiment, context);
+    case Kind::kTransparency:
+      return transparency_figure(experiment, context);
   }
   return {};
 }
@@ -43,10 +45,10 @@ void check(const Experiment& experiment, const FigureOptions& options) {
                      experiment.kind == Kind::kProportionalToSpeed ||
                      experiment.kind == Kind::kProportionalToArea ||
                      experiment.kind == Kind::kFeasibility || experiment.kind == Kind::kPasses ||
-                     experiment.kind == Kind::kAblations;
+                     experiment.kind == Kind::kAblations || experiment.kind == Kind::kTransparency;
   for (const Run& run : experiment.runs) {
     const Parameters p = parameters_of(run, options.base, !run.literal.empty());
-    path_of(run, p);
+    if (!run.trajectory.empty()) path_of(run, p);
     static_cast<void>(make_bur(run.bur, options.bur_library));
     if (experiment.kind != Kind::kValidation && !is_linear(p))
       throw Error(experiment.name +
