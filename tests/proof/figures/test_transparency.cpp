@@ -1,17 +1,19 @@
 // The experiment on transparency and stability, small; and what the shipped one recommends.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "scratch_folder.h"
 #include "toothprep/proof/figures/coupled_cut.h"
 #include "toothprep/proof/figures/experiment.h"
 #include "toothprep/proof/figures/figures.h"
 #include "toothprep/proof/reference/coupling_response.h"
-#include "toothprep/tools/device/stability_map.h"
+#include "toothprep/proof/specimen/block.h"
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/session/session.h"
 
 namespace toothprep::figures {
 namespace {
@@ -49,6 +51,31 @@ TEST(Transparency, APlungeShowsTheLowPassOfTheCoupling) {
         std::abs(reference::rendered_share({kMass, 5, 2.5e-3, 1e-3}, B, i == 0 ? 5 : 50));
     EXPECT_NEAR(share[i] / exact, 1, 0.01);
   }
+}
+
+TEST(Transparency, TheBurOfASessionRingsInFreeAirByTheRootsOfItsStep) {
+  for (const double b : {0.0, 2.5e-3})
+    for (const double h : {1e-3, 1e-4}) {
+      CoupledCut cut = small_cut(1, b);
+      cut.parameters.time_step = h;
+      const LayeredTooth tooth = make_block({});
+      Workpiece workpiece(tooth);
+      const Bur bur = make_bur("cylinder:D1.2xL1.0", "");
+      HandleSample handle;
+      handle.pose.position = Vec3(0, 20, 0);  // far above the block
+      Session session(bur, workpiece, cut.parameters, Drive::kCoupled, handle);
+      handle.pose.position.x() = 1e-3;  // a jump, then at rest
+      std::vector<double> x;
+      for (int n = 1; n <= 60; ++n) {
+        handle.time = n * h;
+        x.push_back(session.step(handle).bur.position.x() - 1e-3);
+      }
+      const double whole = kMass + h * b + h * h;  // k = 1 N/mm
+      for (std::size_t n = 2; n < x.size(); ++n)
+        EXPECT_NEAR(x[n], (1 + (kMass - h * h) / whole) * x[n - 1] - kMass / whole * x[n - 2],
+                    1e-12)
+            << b << " " << h << " " << n;
+    }
 }
 
 Experiment shipped() {

@@ -5,7 +5,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <complex>
 
 #include "toothprep/proof/specimen/block.h"
 #include "toothprep/step/bur/bur_library.h"
