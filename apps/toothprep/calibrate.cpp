@@ -189,6 +189,15 @@ void run(const Options& o, const Common& common) {
   if (o.json) std::fputs(json.c_str(), stdout);
 }
 
+void add_law(CLI::App& sub, Options& o) {
+  sub.add_option("--law", o.laws,
+                 "Laws beyond the paper's to fit and compare: size, ratio, rubbing, size-rubbing, "
+                 "up-cutting, comma-separated, or all; --params-out then writes the best")
+      ->delimiter(',')
+      ->check(CLI::IsMember(
+          {"paper", "size", "ratio", "rubbing", "size-rubbing", "up-cutting", "all"}));
+}
+
 }  // namespace
 
 void add_calibrate(CLI::App& app, const Common& common) {
@@ -207,8 +216,8 @@ void add_calibrate(CLI::App& app, const Common& common) {
   sub->add_option("--report", o->report, "Folder for plots and their tables");
   sub->add_option("--params-out", o->params_out, "Parameter file (.toml) for replay --params");
   sub->add_option("--params", o->params, "Parameter file: rotation rate, step, start values");
-  sub->add_option("--preset", o->preset, "paper or physical, under the parameter file")
-      ->check(CLI::IsMember({"paper", "physical"}))
+  sub->add_option("--preset", o->preset, "paper, physical or literature, under the parameter file")
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kPresets), std::end(kPresets))))
       ->capture_default_str();
   sub->add_option("--drive", o->drive,
                   "direct: the bur's motion was recorded; coupled: the handle's, which the bur "
@@ -223,12 +232,7 @@ void add_calibrate(CLI::App& app, const Common& common) {
                   "N of the recordings, over a recorded speed: only u/N is then determined");
   sub->add_flag("--fit-droop", o->fit_droop,
                 "Also N0 and stall torque of N = N0 (1 - T/T_stall), from the recorded speed");
-  sub->add_option("--law", o->laws,
-                  "Laws beyond the paper's to fit and compare: size, ratio, rubbing, size-rubbing, "
-                  "up-cutting, comma-separated, or all; --params-out then writes the best")
-      ->delimiter(',')
-      ->check(CLI::IsMember(
-          {"paper", "size", "ratio", "rubbing", "size-rubbing", "up-cutting", "all"}));
+  add_law(*sub, *o);
   sub->add_option("--smooth-motion-ms", o->smooth_motion_ms,
                   "Window of a local quadratic through the motion, for noisy positions; 0: none")
       ->check(CLI::Range(0.0, 1000.0))

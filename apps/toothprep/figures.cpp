@@ -172,8 +172,8 @@ void add_figures(CLI::App& app, const Common& common) {
       ->check(CLI::Range(0.02, 0.3))
       ->capture_default_str();
   sub->add_option("--params", o->params, "Parameter file (.toml) under the experiments' own");
-  sub->add_option("--preset", o->preset, "paper or physical, under the parameter file")
-      ->check(CLI::IsMember({"paper", "physical"}))
+  sub->add_option("--preset", o->preset, "paper, physical or literature, under the parameter file")
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kPresets), std::end(kPresets))))
       ->capture_default_str();
   sub->add_option("--experiments", o->experiments,
                   "Folder of experiments (default: data/figures; copy one there and change it)");

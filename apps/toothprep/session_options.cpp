@@ -44,7 +44,7 @@ void add_session_options(CLI::App& sub, SessionOptions& o, bool takes_load) {
       ->check(CLI::IsMember({"levelset", "voxel"}));
   sub.add_option("--params", o.params, "Parameter file (.toml; format in data/parameters)");
   sub.add_option("--preset", o.preset, "paper (default) or physical, under the parameter file")
-      ->check(CLI::IsMember({"paper", "physical"}));
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kPresets), std::end(kPresets))));
   sub.add_option("--stiffness-n-per-mm", o.stiffness, "Coupling stiffness, over the file's");
   sub.add_option("--damping-n-s-per-mm", o.damping, "Coupling damping, over the file's");
   sub.add_option("--rotation-rate-rev-s", o.rotation_rate, "Rotation rate N, over the file's");

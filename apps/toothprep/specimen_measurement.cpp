@@ -189,8 +189,8 @@ void add_measurement(CLI::App& specimen, const Common& common) {
   sub->add_option("--u-j-per-mm3", o->u, "Truth, e.g. enamel=0.4,dentin=0.1")->delimiter(',');
   sub->add_option("--alpha", o->alpha, "Truth, e.g. enamel=0.3,dentin=0.2")->delimiter(',');
   sub->add_option("--params", o->params, "Parameter file");
-  sub->add_option("--preset", o->preset, "paper or physical, under the parameter file")
-      ->check(CLI::IsMember({"paper", "physical"}))
+  sub->add_option("--preset", o->preset, "paper, physical or literature, under the parameter file")
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kPresets), std::end(kPresets))))
       ->capture_default_str();
   sub->add_option("--rotation-rate-rev-s", o->rotation_rate, "Rotation rate N, over the file's");
   sub->add_option("--noise-percent", o->noise_percent, "Of the force's rms in contact, per axis")

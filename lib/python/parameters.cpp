@@ -1,6 +1,7 @@
 // Parameters: from a dict, a file or a preset, and back as a dict.
 #include <toml++/toml.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "bindings.h"
@@ -40,14 +41,16 @@ Parameters parameters_of(const py::object& given) {
     return parse_parameters(text.cast<std::string>(), "parameters");
   }
   const std::string name = path_of(given);
-  if (name == "paper" || name == "physical") return preset_parameters(name);
+  if (std::find(std::begin(kPresets), std::end(kPresets), name) != std::end(kPresets))
+    return preset_parameters(name);
   try {
     return read_parameters(name);
   } catch (const InputError& e) {
     const bool is_name = name.find_first_of("./") == std::string::npos;
     if (!is_name) throw;
-    throw InputError(name, e.place(), e.condition(),
-                     "give a parameter file, or one of the presets 'paper' and 'physical'");
+    throw InputError(
+        name, e.place(), e.condition(),
+        "give a parameter file, or one of the presets 'paper', 'physical' and 'literature'");
   }
 }
 
@@ -56,7 +59,8 @@ void bind_parameters(py::module_& m) {
         "All parameters as a dict shaped as the parameter file (data/parameters), what is not "
         "given filled in.\n\n"
         "given: such a dict with some of the keys, the path of a parameter file, a preset's name "
-        "('paper', 'physical'), or None for 'paper'. Raises Error that names the key for what is "
+        "('paper', 'physical', 'literature'), or None for 'paper'. Raises Error that names the key "
+        "for what is "
         "unknown or out of range.");
 }
 

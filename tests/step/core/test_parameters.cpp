@@ -288,7 +288,7 @@ TEST(Parameters, ValidateNamesTheKeyOfTheFirstViolation) {
 }
 
 TEST(Parameters, TheTextOfAPresetIsReadBackBitForBit) {
-  for (const char* name : {"paper", "physical"}) {
+  for (const char* name : kPresets) {
     const Parameters p = preset_parameters(name);
     EXPECT_EQ(bits(parse_parameters(to_toml(p), "p")), bits(p));
   }

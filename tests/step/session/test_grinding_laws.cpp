@@ -1,17 +1,12 @@
 // Laws beyond the paper's (step/grinding/grinding_law.h) in whole sessions: forces against their
 // integrals over the front of a cylinder, imposed loads, droop, the coupling, and the energy audit.
-//
-// In a full slot the front's normal n_n at the angle phi from the feed has the advance
-// s = v cos(phi), and the rim goes with the feed by c = sin(phi) where n_t is turned from n_n by a
-// quarter turn:
-//   F_feed = L int (f_n cos(phi) + f_t sin(phi)) dphi,  F_across = L int (f_t cos - f_n sin) dphi,
-//   T = L R int f_t dphi, with f_t and f_n the law's force per dphi dl.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
 #include "experiment.h"
+#include "toothprep/proof/reference/closed_forms.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/session/handpiece.h"
 
@@ -22,27 +17,8 @@ using units::kPi;
 
 constexpr double kR = 0.6, kL = 3;  // of the cylinder, wholly engaged
 
-struct Force {
-  double feed = 0, across = 0, torque = 0;
-};
-
-Force in_slot(const GrindingProperties& t, double rate, double v, double from = -kPi / 2,
-              double to = kPi / 2) {
-  constexpr int kCount = 20000;
-  Force sum;
-  for (int i = 0; i < kCount; ++i) {
-    const double d = (to - from) / kCount, phi = from + (i + 0.5) * d;
-    const double h = v * std::cos(phi) / rate, h0 = t.reference_chip > 0 ? t.reference_chip : 1;
-    const double x = std::max(h / h0, 1e-3);
-    const double cut = t.specific_energy / (2 * kPi) * (1 + t.up_cutting * std::sin(phi)) * h;
-    const double rub = t.rubbing_pressure * kR * h / (h + h0 / 100);
-    const double f_t = cut * std::pow(x, -t.size_exponent) + t.rubbing_friction * rub;
-    const double f_n = cut / t.force_ratio * std::pow(x, -t.size_exponent - t.ratio_exponent) + rub;
-    sum.feed += kL * (f_n * std::cos(phi) + f_t * std::sin(phi)) * d;
-    sum.across += kL * (f_t * std::cos(phi) - f_n * std::sin(phi)) * d;
-    sum.torque += kL * kR * f_t * d;
-  }
-  return sum;
+reference::SteadyLoad in_slot(const GrindingProperties& t, double rate, double v) {
+  return reference::cylinder_by_law(t, rate, kR, kL, v);
 }
 
 struct Law {
@@ -82,20 +58,20 @@ Outcome slot(const Parameters& p, Drive drive, double speed, double way = 1, dou
 TEST(GrindingLaws, ForceOfAFullSlotIsTheLawsIntegral) {
   for (const Law& law : laws())
     for (const double v : {0.1, 0.5}) {
-      const Force exact = in_slot(law.tissue, 100, v);
+      const reference::SteadyLoad exact = in_slot(law.tissue, 100, v);
       const Plateau p = plateau(slot(with(law.tissue), Drive::kDirect, v, 0.6).rows, 0.7);
-      EXPECT_NEAR(p.force.y() / exact.feed, 1, 0.01) << law.name << " " << v;
-      EXPECT_NEAR((p.force.x() - exact.across) / exact.feed, 0, 0.01) << law.name << " " << v;
+      EXPECT_NEAR(p.force.y() / exact.against, 1, 0.01) << law.name << " " << v;
+      EXPECT_NEAR((p.force.x() - exact.across) / exact.against, 0, 0.01) << law.name << " " << v;
       EXPECT_NEAR(p.torque / exact.torque, 1, 0.01) << law.name << " " << v;
       std::printf("%-12s v=%g: feed %.4f torque %.4f of exact, across off by %.4f of feed\n",
-                  law.name, v, p.force.y() / exact.feed, p.torque / exact.torque,
-                  (p.force.x() - exact.across) / exact.feed);
+                  law.name, v, p.force.y() / exact.against, p.torque / exact.torque,
+                  (p.force.x() - exact.across) / exact.against);
     }
 }
 
 TEST(GrindingLaws, ForceOfAFullSlotConvergesWithTheElements) {
   const GrindingProperties t = laws().back().tissue;
-  const Force exact = in_slot(t, 100, 0.5);
+  const reference::SteadyLoad exact = in_slot(t, 100, 0.5);
   double last = 1;
   for (const double size : {0.15, 0.075, 0.0375}) {
     const Outcome r = run(block(0.05, 6, Vec3(4, 6, 6)), paper_cylinder(), with(t), Drive::kDirect,
@@ -143,7 +119,7 @@ double feed_under(const GrindingProperties& t, double rate, double load) {
   double low = 1e-7, high = 50;
   for (int i = 0; i < 80; ++i) {
     const double middle = std::sqrt(low * high);
-    (in_slot(t, rate, middle).feed < load ? low : high) = middle;
+    (in_slot(t, rate, middle).against < load ? low : high) = middle;
   }
   return low;
 }
@@ -217,7 +193,7 @@ TEST(GrindingLaws, TheCouplingsLagIsTheForceOfTheFeedOverK) {
     Parameters p = with(law.tissue);
     p.coupling.stiffness = 8;  // settles within a second
     const double v = 0.4;
-    const Force exact = in_slot(law.tissue, 100, v);
+    const reference::SteadyLoad exact = in_slot(law.tissue, 100, v);
     const Outcome r = run(block(0.1, 6, Vec3(6, 6, 6)), paper_cylinder(), p, Drive::kCoupled,
                           straight_path({Vec3(0, -1, -1.5), Vec3(0, -4, -1.5)}, v));
     const Plateau at = plateau(r.rows, 0.1);
@@ -228,7 +204,7 @@ TEST(GrindingLaws, TheCouplingsLagIsTheForceOfTheFeedOverK) {
         (last.grinding_force + p.coupling.stiffness * lag).norm() / last.grinding_force.norm(), 0,
         0.01)
         << law.name;
-    EXPECT_NEAR(at.force.y() / exact.feed, 1, 0.02) << law.name;
+    EXPECT_NEAR(at.force.y() / exact.against, 1, 0.02) << law.name;
   }
 }
 
@@ -246,7 +222,7 @@ TEST(GrindingLaws, BackwardEulerStaysStableWhateverTheTimeStep) {
         most = std::max(most, row.grinding_force.y());
         back = std::max(back, most - row.grinding_force.y());
       }
-      EXPECT_LT(most, 1.05 * in_slot(law.tissue, 100, 0.5).feed) << law.name << " " << h;
+      EXPECT_LT(most, 1.05 * in_slot(law.tissue, 100, 0.5).against) << law.name << " " << h;
       EXPECT_LT(back, 0.05 * most) << law.name << " " << h;
       EXPECT_EQ(r.totals.unsettled_steps, 0) << law.name << " " << h;
     }

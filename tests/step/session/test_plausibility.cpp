@@ -32,7 +32,7 @@ std::vector<Implausible> kinds(const std::vector<Finding>& findings) {
 
 TEST(Plausibility, AHandsWorkAndThePresetsAreNotFound) {
   EXPECT_THAT(judge_motion(hand()), IsEmpty());
-  for (const char* preset : {"paper", "physical"})
+  for (const char* preset : kPresets)
     EXPECT_THAT(judge_parameters(preset_parameters(preset)), IsEmpty()) << preset;
   Parameters p = preset_parameters("paper");
   p.tissue[0].specific_energy = 0;  // allowed: no resistance

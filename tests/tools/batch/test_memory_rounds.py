@@ -38,6 +38,12 @@ cp "$script" "$FAKE/job.$n"; echo $n
 """
 
 
+# Of nodes and of partitions.
+SINFO = """#!/bin/sh
+case "$*" in *%l*) cat "$FAKE/limits.txt";; *) cat "$FAKE/sinfo.txt";; esac
+"""
+
+
 class MemoryRounds(CommandTest):
     def setUp(self):
         type(self).folder = tempfile.mkdtemp(prefix="toothprep-memory-")
@@ -48,11 +54,12 @@ class MemoryRounds(CommandTest):
         self.write("fake/count", "0\n")
         for name, text in (("sbatch", SBATCH), ("squeue", '#!/bin/sh\ncat "$FAKE/squeue.txt"\n'),
                            ("sacct", '#!/bin/sh\ncat "$FAKE/sacct.txt"\n'), ("scontrol", "#!/bin/sh\nexit 1\n"),
-                           ("sinfo", '#!/bin/sh\ncat "$FAKE/sinfo.txt"\n')):
+                           ("sinfo", SINFO)):
             self.write(f"fake/{name}", text)
             os.chmod(self.path(f"fake/{name}"), 0o755)
         self.write("fake/squeue.txt", "")
         self.write("fake/sinfo.txt", "")
+        self.write("fake/limits.txt", "")
         self.environment = dict(os.environ, FAKE=self.path("fake"), PATH=self.path("fake") + ":" + os.environ["PATH"])
 
     def submit(self):
@@ -129,6 +136,25 @@ class MemoryRounds(CommandTest):
             collector = int(self.read("fake/count"))
             self.job(collector)
             self.assertEqual(self.asked(collector // 2 + 1), (10, asked))
+
+    def test_no_more_time_is_asked_for_than_the_partition_allows(self):
+        self.write("fake/sacct.txt", "TIMEOUT\n")
+        for text, minutes in (("short 5:00\nall* 35:00\n", 35), ("all* 1:10:30\n", 70), ("all* 1-00:00:00\nx 1:00\n", 80),
+                              ("all* infinite\n", 80)):
+            self.write("fake/limits.txt", text)
+            shutil.rmtree(self.path("out"), ignore_errors=True)
+            self.write("fake/count", "0\n")
+            self.submit()
+            for _ in range(3):
+                self.job(int(self.read("fake/count")))
+            self.assertEqual(self.asked(4), (minutes, 100), text)
+        self.write("fake/limits.txt", "all* 5:00\n")
+        shutil.rmtree(self.path("out"), ignore_errors=True)
+        refused = self.run_tool("batch", "manifest.toml", "-o", "out", "--runner", "slurm", "--job-minutes", "10",
+                                env=self.environment)
+        self.assertEqual(refused.returncode, 1)
+        self.assertIn("--job-minutes 10: jobs of the partition may take 5 minutes at most", refused.stderr)
+        self.assertFalse(os.path.exists(self.path("out/.batch/slurm")))
 
     def test_without_accounts_both_are_doubled(self):
         self.submit()

@@ -25,6 +25,7 @@ const std::vector<std::pair<std::string, Kind>> kKinds = {
     {"passes", Kind::kPasses},
     {"ablations", Kind::kAblations},
     {"feasibility", Kind::kFeasibility},
+    {"laws", Kind::kLaws},
     {"validation", Kind::kValidation},
     {"transparency", Kind::kTransparency}};
 

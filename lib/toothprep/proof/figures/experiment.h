@@ -42,6 +42,7 @@ enum class Kind {
   kPasses,               // work and force of overlapping straight passes
   kAblations,            // the paper's arguments: its method with parts taken out
   kFeasibility,          // figure 13 as the paper set it up, and what it states at once
+  kLaws,                 // grinding laws beyond the paper's
   kValidation,           // published cutting tests
   kTransparency          // the coupling on several devices: what it hides, what it lets ring
 };

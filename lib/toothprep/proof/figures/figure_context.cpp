@@ -172,6 +172,7 @@ int replays_of(const Experiment& experiment, const FigureOptions& options) {
     case Kind::kFeasibility:
     case Kind::kPreparations:
     case Kind::kDroop:
+    case Kind::kLaws:
       return runs;
     case Kind::kTransparency:
       return static_cast<int>(experiment.transparency.devices.size()) + 2;

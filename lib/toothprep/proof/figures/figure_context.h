@@ -66,6 +66,7 @@ FigureReport droop_figure(const Experiment& experiment, FigureContext& context);
 FigureReport passes_figure(const Experiment& experiment, FigureContext& context);
 FigureReport ablation_figure(const Experiment& experiment, FigureContext& context);
 FigureReport feasibility_figure(const Experiment& experiment, FigureContext& context);
+FigureReport laws_figure(const Experiment& experiment, FigureContext& context);
 FigureReport validation_figure(const Experiment& experiment, FigureContext& context);
 FigureReport transparency_figure(const Experiment& experiment, FigureContext& context);
 

@@ -31,6 +31,8 @@ FigureReport run_experiment(const Experiment& experiment, FigureContext& context
       return ablation_figure(experiment, context);
     case Kind::kFeasibility:
       return feasibility_figure(experiment, context);
+    case Kind::kLaws:
+      return laws_figure(experiment, context);
     case Kind::kValidation:
       return validation_figure(experiment, context);
     case Kind::kTransparency:
@@ -45,16 +47,17 @@ void check(const Experiment& experiment, const FigureOptions& options) {
                      experiment.kind == Kind::kProportionalToSpeed ||
                      experiment.kind == Kind::kProportionalToArea ||
                      experiment.kind == Kind::kFeasibility || experiment.kind == Kind::kPasses ||
-                     experiment.kind == Kind::kAblations || experiment.kind == Kind::kTransparency;
+                     experiment.kind == Kind::kAblations || experiment.kind == Kind::kLaws ||
+                     experiment.kind == Kind::kTransparency;
   for (const Run& run : experiment.runs) {
     const Parameters p = parameters_of(run, options.base, !run.literal.empty());
     if (!run.trajectory.empty()) path_of(run, p);
     static_cast<void>(make_bur(run.bur, options.bur_library));
-    if (experiment.kind != Kind::kValidation && !is_linear(p))
+    if (experiment.kind != Kind::kValidation && experiment.kind != Kind::kLaws && !is_linear(p))
       throw Error(experiment.name +
                   ": what it is held against knows the paper's law only; leave size_exponent, "
                   "ratio_exponent, rubbing_pressure_n_per_mm2 and up_cutting out of --params, or "
-                  "choose --only validation");
+                  "choose --only validation,laws");
     if (experiment.kind == Kind::kDroop && p.handpiece.droop_exponent != 1)
       throw Error(experiment.name +
                   ": its exact answer knows the linear droop only; leave [handpiece] "

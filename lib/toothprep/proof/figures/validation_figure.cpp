@@ -15,11 +15,11 @@ struct Named {
   Parameters parameters;
 };
 
-// Both presets, and what was given if it is neither.
+// All presets, and what was given if it is neither.
 std::vector<Named> parameter_sets(const Parameters& given) {
   std::vector<Named> sets;
   bool known = false;
-  for (const char* name : {"paper", "physical"}) {
+  for (const char* name : kPresets) {
     sets.push_back({name, preset_parameters(name)});
     known = known || to_toml(given) == to_toml(sets.back().parameters);
   }

@@ -1,5 +1,7 @@
 #include "toothprep/proof/reference/closed_forms.h"
 
+#include <algorithm>
+#include <boost/math/quadrature/tanh_sinh.hpp>
 #include <cmath>
 #include <string>
 
@@ -50,6 +52,41 @@ SteadyLoad flat_end_plunge(const Grinding& g, double radius, double speed) {
   require_not_negative(speed, "the speed");
   const double uvr = g.specific_energy * speed * radius / g.rotation_rate;
   return {uvr / g.force_ratio, 0, uvr * radius / 2};
+}
+
+SteadyLoad cylinder_by_law(const GrindingProperties& law, double rotation_rate, double radius,
+                           double length, double speed, double from, double to) {
+  check({law.specific_energy, law.force_ratio, rotation_rate});
+  require_positive(radius, "the radius");
+  require_not_negative(length, "the length");
+  require_positive(speed, "the speed");
+  require_positive(to - from, "the engaged angle");
+  if (from < -kPi / 2 || to > kPi / 2)
+    throw Error("closed form: only the front of a bur, a quarter turn either way, grinds");
+  const double h0 = law.reference_chip > 0 ? law.reference_chip : 1;
+  struct PerLength {
+    double tangential, normal;
+  };
+  const auto force = [&](double phi) -> PerLength {
+    const double h = speed * std::cos(phi) / rotation_rate, x = std::max(h / h0, 1e-3);
+    const double cut = law.specific_energy / (2 * kPi) * (1 + law.up_cutting * std::sin(phi)) * h *
+                       std::pow(x, -law.size_exponent);
+    const double rub = law.rubbing_pressure * radius * h / (h + h0 / 100);
+    return {cut + law.rubbing_friction * rub,
+            cut / (law.force_ratio * std::pow(x, law.ratio_exponent)) + rub};
+  };
+  const auto integral = [&](const auto& f) {
+    return length * boost::math::quadrature::tanh_sinh<double>().integrate(f, from, to);
+  };
+  const double against = integral([&](double phi) {
+    const PerLength f = force(phi);
+    return f.normal * std::cos(phi) + f.tangential * std::sin(phi);
+  });
+  const double across = integral([&](double phi) {
+    const PerLength f = force(phi);
+    return f.tangential * std::cos(phi) - f.normal * std::sin(phi);
+  });
+  return {against, across, radius * integral([&](double phi) { return force(phi).tangential; })};
 }
 
 double cylinder_stall_speed(const Grinding& g, double radius, double length, double stall_torque) {

@@ -19,6 +19,8 @@
 
 #include <optional>
 
+#include "toothprep/step/core/parameters.h"
+
 namespace toothprep::reference {
 
 struct SteadyLoad {  // of a bur that feeds steadily, fully in one tissue
@@ -38,6 +40,16 @@ struct Grinding {          // of that tissue
                                             double speed);
 [[nodiscard]] SteadyLoad ball_side_feed(const Grinding& g, double radius, double speed);
 [[nodiscard]] SteadyLoad flat_end_plunge(const Grinding& g, double radius, double speed);
+
+// A cylinder in side feed by a law beyond the paper's (step/grinding/grinding_law.h), its front
+// engaged from the angle `from` to `to` about the feed (rad, within a quarter turn either way;
+// positive angles lie where the rim goes with the feed): quadrature of
+//   against = L int (f_n cos + f_t sin) dphi,  across = L int (f_t cos - f_n sin) dphi,
+//   T = L R int f_t dphi,   at the advance v cos(phi), with f_t and f_n the force per dphi dl.
+[[nodiscard]] SteadyLoad cylinder_by_law(const GrindingProperties& law, double rotation_rate,
+                                         double radius, double length, double speed,
+                                         double from = -1.5707963267948966,
+                                         double to = 1.5707963267948966);
 
 // Feed speed at which the cylinder's torque reaches tau_s, mm/s: tau_s pi N / (u R L); and its load
 // there, which no longer knows u, N or L: against = tau_s pi / (4 alpha R).

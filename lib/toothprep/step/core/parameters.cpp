@@ -71,6 +71,17 @@ std::optional<double> exact_inverse(double value, double guess, From from) {
   return {};
 }
 
+bool is_preset(const std::string& name) {
+  return std::find(std::begin(kPresets), std::end(kPresets), name) != std::end(kPresets);
+}
+
+// "paper", "physical", ...
+std::string preset_list() {
+  std::string list;
+  for (const std::string name : kPresets) list += (list.empty() ? "\"" : ", \"") + name + "\"";
+  return list;
+}
+
 struct Violation {
   std::string place, condition;
 };
@@ -116,8 +127,8 @@ std::optional<Violation> first_violation(const Parameters& p) {
     if (value >= 0 && std::isfinite(value)) return {};
     return Violation{place, "must be finite and not negative" + got(value)};
   };
-  if (p.preset != "paper" && p.preset != "physical")
-    return Violation{"preset", "\"" + p.preset + "\" is neither \"paper\" nor \"physical\""};
+  if (!is_preset(p.preset))
+    return Violation{"preset", "\"" + p.preset + "\" is none of " + preset_list()};
   for (int k = 0; k < kTissueCount; ++k) {
     const std::string place = "tissue." + std::string(kTissueNames[k]);
     if (auto v = not_negative(p.tissue[k].specific_energy, place + ".specific_energy_j_per_mm3"))
@@ -266,8 +277,9 @@ std::optional<Drive> drive_named(const std::string& name) {
 }
 
 Parameters preset_parameters(const std::string& name) {
-  const auto tissue = [](double u_joule_per_mm3) {
-    return GrindingProperties{units::from_joule_per_mm3(u_joule_per_mm3), 0.25};
+  double alpha = 0.25;
+  const auto tissue = [&alpha](double u_joule_per_mm3) {
+    return GrindingProperties{units::from_joule_per_mm3(u_joule_per_mm3), alpha};
   };
   Parameters p;
   p.preset = name;
@@ -280,8 +292,15 @@ Parameters preset_parameters(const std::string& name) {
     p.handpiece.rotation_rate = 5000;
     p.handpiece.stall_torque = 1.0;
     p.handpiece.model = HandpieceModel::kDroop;
+  } else if (name == "literature") {
+    // For gross cutting with a turbine; where each number comes from: data/parameters/README.md.
+    alpha = 0.45;
+    p.tissue = {tissue(5.4), tissue(2.1), tissue(0.21), tissue(2.1)};
+    p.handpiece.rotation_rate = 5000;
+    p.handpiece.stall_torque = 1.0;
+    p.handpiece.model = HandpieceModel::kDroop;
   } else {
-    throw Error("preset \"" + name + "\" is not known; use \"paper\" or \"physical\"");
+    throw Error("preset \"" + name + "\" is not known; use one of " + preset_list());
   }
   return p;
 }
@@ -295,7 +314,7 @@ Parameters parse_parameters(const std::string& toml, const std::string& where,
   const toml::table document = parse_toml(toml, where);
   const std::vector<std::string> keys = all_keys();
   StrictTable root(document, where);
-  const auto preset = root.choice("preset", {"paper", "physical"});
+  const auto preset = root.choice("preset", {std::begin(kPresets), std::end(kPresets)});
   Parameters p = preset ? preset_parameters(*preset) : base;
   if (auto tissues = root.table("tissue")) {
     for (int k = 0; k < kTissueCount; ++k)
@@ -360,6 +379,10 @@ Parameters read_parameters(const std::string& path, const Parameters& base) {
 std::string to_toml(const Parameters& p) {
   const auto flag = [](bool on) { return std::string(on ? "true" : "false"); };
   std::string text;
+  if (p.preset == "literature")
+    text +=
+        "# from published cutting tests, mostly of other materials and read as abstracts; not "
+        "calibrated\n";
   if (p.preset == "physical")
     text +=
         "# uncalibrated: the specific energies of this preset are estimates, not a calibration\n";

@@ -1,7 +1,7 @@
 // The model's parameters, in the toolkit's own units (step/core/units.h). Presets: `paper` (Wu, Wang,
 // Wang and Zhang, "Toward Stable and Realistic Haptic Interaction for Tooth Preparation
-// Simulation") and `physical` (real turbine speed with linear droop; its specific energies are not
-// calibrated).
+// Simulation"), `physical` (real turbine speed with linear droop; its specific energies are not
+// calibrated) and `literature` (what published cutting tests support best).
 #pragma once
 
 #include <array>
@@ -99,7 +99,8 @@ struct Parameters {              // the whole model, constant during a session
   bool rotation_feed = true;
 };
 
-// The preset of that name ("paper" or "physical"); throws Error for another.
+inline constexpr const char* kPresets[] = {"paper", "physical", "literature"};
+// The preset of that name; throws Error for another.
 [[nodiscard]] Parameters preset_parameters(const std::string& name);
 
 // Throws Error that names the first violated condition, with the name used in parameter files.

@@ -331,8 +331,44 @@ double largest_memory_mb(const std::string& partition) {
   return most > 0 ? most : std::numeric_limits<double>::infinity();
 }
 
+// "30", "30:00", "12:30:00", "2-12", "2-12:30", "2-12:30:00"; anything else ("infinite"): no limit.
+double minutes_of(const std::string& text) {
+  const double none = std::numeric_limits<double>::infinity();
+  const std::size_t dash = text.find('-');
+  const bool days = dash != std::string::npos;
+  std::vector<double> parts;
+  std::istringstream fields(days ? text.substr(dash + 1) : text);
+  for (std::string field; std::getline(fields, field, ':');) {
+    if (field.empty() || field.find_first_not_of("0123456789") != std::string::npos) return none;
+    parts.push_back(std::atof(field.c_str()));
+  }
+  if (parts.empty() || parts.size() > 3) return none;
+  if (days) {
+    parts.resize(3, 0);
+    return 1440 * std::atof(text.c_str()) + 60 * parts[0] + parts[1] + parts[2] / 60;
+  }
+  if (parts.size() == 3) return 60 * parts[0] + parts[1] + parts[2] / 60;
+  return parts[0] + (parts.size() == 2 ? parts[1] / 60 : 0);
+}
+
+// That a job of the partition (without a name, of the default one) may take; infinite if nobody
+// says.
+double longest_job_minutes(const std::string& partition) {
+  const Answer answer = ask_slurm({"sinfo", "--noheader", "--format=%P %l"});
+  double longest = 0;
+  std::istringstream lines(answer.good ? answer.text : "");
+  for (std::string name, limit; lines >> name >> limit;) {
+    const bool usual = name.back() == '*';
+    if (usual) name.pop_back();
+    if (partition.empty() ? usual : name == partition)
+      longest = std::max(longest, minutes_of(limit));
+  }
+  return longest > 0 ? longest : std::numeric_limits<double>::infinity();
+}
+
 // More time or memory where a job of the last round ended for want of it, or where nobody knows;
-// not more memory than a node has, since Slurm refuses such a job.
+// not more than a node has or the partition allows, since Slurm refuses such a job, or lets it wait
+// for ever.
 Round next_round(const BatchOptions& o, const SlurmOptions& s, const Round& last,
                  std::size_t left) {
   Round next = last;
@@ -345,7 +381,9 @@ Round next_round(const BatchOptions& o, const SlurmOptions& s, const Round& last
   for (const auto& [state, count] : states_in_accounts(workers).counts)
     states.counts[state] += count;
   const bool unknown = states.counts.empty();
-  if (unknown || states.counts.count("TIMEOUT")) next.minutes *= 2;
+  if (unknown || states.counts.count("TIMEOUT"))
+    next.minutes = std::max(
+        last.minutes, std::min(2 * last.minutes, std::floor(longest_job_minutes(s.partition))));
   if (unknown || states.counts.count("OUT_OF_MEMORY") || any_killed(o.folder, workers) ||
       any_log_tells_of_memory(o.folder, last.number))
     next.memory_mb = std::max(
@@ -379,6 +417,11 @@ std::string submit_to_slurm(const BatchManifest& m, const BatchOptions& o, const
     throw Error(
         "--runner slurm: sbatch is not installed here; use a node that submits jobs, or the local "
         "runner");
+  if (const double longest = longest_job_minutes(s.partition); s.minutes > longest)
+    throw Error(
+        fmt::format("--job-minutes {:g}: jobs of the partition may take {:g} minutes at most; give "
+                    "that or less",
+                    s.minutes, std::floor(longest)));
   std::error_code error;
   fs::create_directories(slurm_folder(o.folder), error);
   if (error || access(slurm_folder(o.folder).c_str(), W_OK) != 0)
