@@ -100,7 +100,7 @@ TEST(Cutting, WhatIsOutsideTheBandIsSaidToBe) {
   // `paper`: Q = 4 alpha N D F/u = 0.36 mm³/s; `physical`, without droop yet, 0.82 mm³/s.
   const auto j =
       report_of("quantity = 'removal_rate_mm3_s'\nrows = ['M01']\nmeasured = [0.3, 0.5]\n" + kSlot);
-  ASSERT_EQ(j["comparisons"].size(), 2U);
+  ASSERT_EQ(j["comparisons"].size(), std::size(kPresets));
   EXPECT_EQ(j["comparisons"][0]["parameters"], "paper");
   EXPECT_EQ(j["comparisons"][0]["verdict"], "inside");
   EXPECT_NEAR(j["comparisons"][0]["ratio"], 0.36 / std::sqrt(0.15), 0.02);
@@ -111,7 +111,7 @@ TEST(Cutting, WhatIsOutsideTheBandIsSaidToBe) {
 TEST(Cutting, ATrendIsTheSignOfTheChange) {
   const auto j = report_of("quantity = 'feed_mm_s'\nobserved = 'level'\n" + kSlot +
                            "[second]\nrate_factor = [2]\n");
-  ASSERT_EQ(j["trends"].size(), 2U);
+  ASSERT_EQ(j["trends"].size(), std::size(kPresets));
   EXPECT_EQ(j["trends"][0]["predicted"], "rises");
   EXPECT_NEAR(j["trends"][0]["factor"], 2, 0.02);
   EXPECT_FALSE(j["trends"][0]["agrees"]);

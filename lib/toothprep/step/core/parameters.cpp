@@ -202,13 +202,12 @@ void read_either(StrictTable& table, const std::string& key, const std::string& 
 }
 
 void read_law(StrictTable& table, GrindingProperties& tissue) {
-  for (const auto& [key, value] : {std::pair{"force_ratio", &tissue.force_ratio},
-                                   {"size_exponent", &tissue.size_exponent},
-                                   {"ratio_exponent", &tissue.ratio_exponent},
-                                   {"rubbing_pressure_n_per_mm2", &tissue.rubbing_pressure},
-                                   {"rubbing_friction", &tissue.rubbing_friction},
-                                   {"up_cutting", &tissue.up_cutting}})
-    if (const auto x = table.number(key)) *value = *x;
+  if (const auto x = table.number("force_ratio")) tissue.force_ratio = *x;
+  if (const auto x = table.number("size_exponent")) tissue.size_exponent = *x;
+  if (const auto x = table.number("ratio_exponent")) tissue.ratio_exponent = *x;
+  if (const auto x = table.number("rubbing_pressure_n_per_mm2")) tissue.rubbing_pressure = *x;
+  if (const auto x = table.number("rubbing_friction")) tissue.rubbing_friction = *x;
+  if (const auto x = table.number("up_cutting")) tissue.up_cutting = *x;
   read_either(table, "reference_chip_um", "reference_chip_mm", units::from_micrometre,
               tissue.reference_chip);
 }

@@ -24,7 +24,7 @@ struct GrindingProperties {    // of a tissue: Eqs 6 to 9
   double rubbing_friction = 0.25;  // mu, >= 0: its tangential part
   double up_cutting = 0;           // g: u (1 + g c), c the cosine between rim and feed, |g| < 1
 
-  bool operator==(const GrindingProperties&) const = default;
+  bool operator==(const GrindingProperties&) const = default;  // all members
 };
 
 // Whether the force of an element is proportional to its advance: the paper's law.
@@ -99,7 +99,7 @@ struct Parameters {              // the whole model, constant during a session
   bool rotation_feed = true;
 };
 
-inline constexpr const char* kPresets[] = {"paper", "physical", "literature"};
+inline constexpr const char* kPresets[] = {"paper", "physical", "literature"};  // all of them
 // The preset of that name; throws Error for another.
 [[nodiscard]] Parameters preset_parameters(const std::string& name);
 

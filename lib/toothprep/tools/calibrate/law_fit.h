@@ -27,6 +27,7 @@ enum class
       kSizeAndRubbing,  // m, p and mu
       kUpCutting        // g
     };
+// All of them, the paper's first.
 inline constexpr LawKind kLawKinds[] = {LawKind::kPaper,          LawKind::kSize,
                                         LawKind::kRatio,          LawKind::kRubbing,
                                         LawKind::kSizeAndRubbing, LawKind::kUpCutting};
@@ -42,8 +43,9 @@ struct LawParameter {        // of one tissue
   bool identifiable = true;  // exponents and g to 0.15; p and mu p to 10 % of the force
 };
 
+// A law fitted to the recordings.
 struct LawFit {
-  LawKind law = LawKind::kPaper;
+  LawKind law = LawKind::kPaper;         // which
   FitResult fit;                         // u and alpha are those at the reference chip
   std::vector<LawParameter> parameters;  // none of the paper's
   PerTissue<GrindingProperties> tissue;  // the law as fitted; what isn't measured is the start's
