@@ -1,5 +1,7 @@
-// A folder of a test's own, gone afterwards.
+// A folder of a test's own (others run at the same time), gone afterwards.
 #pragma once
+
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -10,7 +12,8 @@ namespace toothprep::testing {
 class ScratchFolder {
  public:
   explicit ScratchFolder(const std::string& name)
-      : path_(std::filesystem::path(TOOTHPREP_BINARY_DIR) / "tests" / ("scratch-" + name)) {
+      : path_(std::filesystem::path(TOOTHPREP_BINARY_DIR) / "tests" /
+              ("scratch-" + name + "-" + std::to_string(getpid()))) {
     std::filesystem::remove_all(path_);
     std::filesystem::create_directories(path_);
   }
