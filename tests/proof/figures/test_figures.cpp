@@ -152,6 +152,19 @@ TEST(Figures, ADroopingHandpieceIsRefusedWhereTheExactAnswerKnowsNone) {
   }
 }
 
+TEST(Figures, AnotherLawIsRefusedWhereTheExactAnswerKnowsThePapersOnly) {
+  const ScratchFolder folder("law");
+  write_small(folder);
+  FigureOptions o = options_of(folder, "out");
+  o.base.tissue[1].up_cutting = 0.2;
+  try {
+    run_figures(o);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_THAT(e.what(), ::testing::HasSubstr("small: what it is held against knows the paper's"));
+  }
+}
+
 // Two passes of a ball side by side, right through the block.
 void write_passes(const ScratchFolder& folder, double start) {
   const std::string x = std::to_string(start);

@@ -145,6 +145,13 @@ TEST(Feeds, ASlotInEnamelIsFedAtTheForceOfTheClosedForm) {
   EXPECT_FALSE(tooth.provenance.empty());
 }
 
+TEST(Feeds, ALawBeyondThePapersIsRefused) {
+  Parameters p = preset_parameters("paper");
+  p.tissue[0].up_cutting = 0.2;
+  Plan plan = plan_class1(molar().grid, bur57(), {}, molar().ground);
+  EXPECT_THROW(choose_feeds(plan, molar().grid, bur57(), p, Drive::kCoupled), Error);
+}
+
 TEST(Script, ReadsBackAsTheSamePath) {
   Plan plan = plan_class1(molar().grid, bur57(), {}, molar().ground);
   choose_feeds(plan, molar().grid, bur57(), preset_parameters("paper"), Drive::kDirect);

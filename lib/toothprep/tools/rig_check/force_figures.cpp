@@ -221,7 +221,8 @@ Measured<BurPortFigures> bur_port_figures(const SessionRecording& r, const Param
     f.feed_work -= rows[i].grinding_force.dot(rows[i].bur_velocity) * p.time_step;
     f.feed_minimum = std::min(f.feed_minimum, f.feed_work);
   }
-  for (int k = 0; k < kTissueCount; ++k)
+  // By another law than the paper's only the session's own audit knows it.
+  for (int k = 0; k < kTissueCount && is_linear(p); ++k)
     f.removed_energy += p.tissue[static_cast<std::size_t>(k)].specific_energy *
                         rows.back().removed_volume[static_cast<std::size_t>(k)];
   const EnergyAudit& audit = r.header.trace.audit;
