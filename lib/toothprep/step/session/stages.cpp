@@ -13,6 +13,7 @@ namespace {
 constexpr int kMaxPasses = 8;            // fixed-point passes for the advancing set
 constexpr int kMaxNonlinearPasses = 60;  // of a law that isn't linear
 constexpr double kSettled = 1e-6;        // of the speed, likewise; the law is in single precision
+constexpr double kStandstill = 1e-6;     // mm/s: what matters to nobody
 constexpr double kExactRate = 1e-9;      // of N0, with the paper's law
 constexpr double kNear = 0.2;            // of the speed: from there by the tangent
 constexpr int kMostOvershoots = 3;       // of the tangent, from which on it isn't trusted
@@ -104,7 +105,7 @@ Trial converge_nonlinear(const StepModel& model, const ContactSet& contact, cons
                                       trial.response.f0 / rotation_rate);
     const double change = (trial.velocity - guess).norm();
     const double speed = std::max(trial.velocity.norm(), guess.norm());
-    trial.settled = change <= kSettled * speed;
+    trial.settled = change <= std::max(kSettled * speed, kStandstill);
     if (trial.settled) break;
     const bool overshot = tangent && change > 0.5 * last;
     overshoots += overshot ? 1 : 0;
