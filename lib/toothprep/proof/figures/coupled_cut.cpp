@@ -111,6 +111,7 @@ SteadyFeed steady_feed(const CoupledCut& cut, double feed, double duration) {
   r.expected = lag_of(cut, feed);
   const double h = cut.parameters.time_step;
   const auto steps = static_cast<int>(std::lround(duration / h));
+  const int settled = steps / 3;
   const Bur bur = bur_of(cut);
   const LayeredTooth tooth = block_around(cut, Vec3(0, -feed * duration, 0));
   Workpiece workpiece(tooth);
@@ -121,9 +122,9 @@ SteadyFeed steady_feed(const CoupledCut& cut, double feed, double duration) {
     handle.time = n * h;
     handle.pose.position = r.expected - Vec3(0, feed * handle.time, 0);
     const StepRecord row = session.step(handle);
-    if (n == steps / 3) from = row.bur.position;
+    if (n == settled) from = row.bur.position;
     r.lag = handle.pose.position - row.bur.position;
-    r.speed = (row.bur.position - from) / ((n - steps / 3) * h);
+    if (n > settled) r.speed = (row.bur.position - from) / ((n - settled) * h);
   }
   return r;
 }
