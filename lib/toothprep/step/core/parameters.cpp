@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <tuple>
 
 #include "toothprep/step/core/number_text.h"
 #include "toothprep/step/core/strict_toml.h"
@@ -15,6 +16,8 @@ namespace {
 constexpr double kSmallestElement = 0.005;  // mm; finer costs time and nothing is left to gain
 constexpr double kSmallestExponent = 0.5, kLargestExponent = 8;  // of the droop
 constexpr double kSmallestSizeExponent = -0.5, kLargestSizeExponent = 0.9;
+constexpr double kMostPressure = 1e5, kMostFriction = 100;  // N/mm², 1
+constexpr double kThinnestChip = 1e-7;                      // mm: an atom
 constexpr double kLargestTimeStep = 0.1;  // s; a haptic step is 1 ms, a tenth is a mistake
 
 // Every key of a parameter file, dotted; used to guess what an unknown key was meant to be.
@@ -99,11 +102,15 @@ std::optional<Violation> first_violation(const GrindingProperties& t, const std:
   if (!exponent(t.size_exponent + t.ratio_exponent))
     return Violation{place + ".ratio_exponent", "added to size_exponent must be from " + range +
                                                     got(t.size_exponent + t.ratio_exponent)};
-  for (const auto& [key, value] : {std::pair{".rubbing_pressure_n_per_mm2", t.rubbing_pressure},
-                                   {".rubbing_friction", t.rubbing_friction},
-                                   {".reference_chip_um", t.reference_chip}})
-    if (!(value >= 0 && std::isfinite(value)))
-      return Violation{place + key, "must be finite and not negative" + got(value)};
+  for (const auto& [key, value, most] :
+       {std::tuple{".rubbing_pressure_n_per_mm2", t.rubbing_pressure, kMostPressure},
+        {".rubbing_friction", t.rubbing_friction, kMostFriction}})
+    if (!(value >= 0 && value <= most))
+      return Violation{place + key, "must be from 0.0 to " + toml_number(most) + got(value)};
+  if (t.reference_chip != 0 && !(t.reference_chip >= kThinnestChip && t.reference_chip <= 1))
+    return Violation{place + ".reference_chip_um",
+                     "must be from " + toml_number(units::to_micrometre(kThinnestChip)) +
+                         " to 1000.0" + got(units::to_micrometre(t.reference_chip))};
   if (!(std::abs(t.up_cutting) < 1))
     return Violation{place + ".up_cutting", "must lie between -1 and 1" + got(t.up_cutting)};
   const char* needs = t.size_exponent != 0    ? "size_exponent"
