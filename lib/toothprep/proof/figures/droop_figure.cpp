@@ -124,17 +124,7 @@ void claim_imposed_force(FigureReport& figure, const Run& run, const Bur& bur,
 FigureReport droop_figure(const Experiment& experiment, FigureContext& context) {
   const FigureOptions& o = context.options();
   FigureReport figure;
-  std::vector<Outcome> outcomes(experiment.runs.size());
-  std::vector<FigureContext::Job> jobs;
-  for (std::size_t i = 0; i < experiment.runs.size(); ++i)
-    jobs.push_back({experiment.name, [&, i] {
-                      const Run& run = experiment.runs[i];
-                      Parameters p = parameters_of(run, o.base);
-                      p.engine = o.engines.front();
-                      outcomes[i] =
-                          run_on(run, p, make_specimen(experiment, run, o.voxel), o.bur_library);
-                    }});
-  context.run(jobs);
+  const std::vector<Outcome> outcomes = replay_runs(experiment, o.engines.front(), context);
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
     const Outcome& outcome = outcomes[i];

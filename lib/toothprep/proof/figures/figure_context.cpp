@@ -101,6 +101,23 @@ std::string FigureContext::write_layers(const Experiment& experiment, const std:
   return file;
 }
 
+std::vector<Outcome> replay_runs(const Experiment& experiment, EngineKind engine,
+                                 FigureContext& context) {
+  const FigureOptions& o = context.options();
+  std::vector<Outcome> outcomes(experiment.runs.size());
+  std::vector<FigureContext::Job> jobs;
+  for (std::size_t i = 0; i < experiment.runs.size(); ++i)
+    jobs.push_back({experiment.name, [&, i] {
+                      const Run& run = experiment.runs[i];
+                      Parameters p = parameters_of(run, o.base);
+                      p.engine = engine;
+                      outcomes[i] =
+                          run_on(run, p, make_specimen(experiment, run, o.voxel), o.bur_library);
+                    }});
+  context.run(jobs);
+  return outcomes;
+}
+
 RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const Exact* exact) {
   const ReplayResult& r = outcome.replay;
   RunReport report;

@@ -49,6 +49,10 @@ class FigureContext {
   std::mutex mutex_;
 };
 
+// Replays every run of the experiment with this engine, in parallel; in the order of the runs.
+std::vector<Outcome> replay_runs(const Experiment& experiment, EngineKind engine,
+                                 FigureContext& context);
+
 // The figures of a replay; those of a comparison too if `exact` is given.
 RunReport report_of(const Run& run, const Outcome& outcome, double voxel, const Exact* exact);
 

@@ -92,17 +92,7 @@ void claim_coupled(FigureReport& figure, const Run& run, const Outcome& outcome)
 FigureReport laws_figure(const Experiment& experiment, FigureContext& context) {
   const FigureOptions& o = context.options();
   FigureReport figure;
-  std::vector<Outcome> outcomes(experiment.runs.size());
-  std::vector<FigureContext::Job> jobs;
-  for (std::size_t i = 0; i < experiment.runs.size(); ++i)
-    jobs.push_back({experiment.name, [&, i] {
-                      const Run& run = experiment.runs[i];
-                      Parameters p = parameters_of(run, o.base);
-                      p.engine = EngineKind::kLevelset;
-                      outcomes[i] =
-                          run_on(run, p, make_specimen(experiment, run, o.voxel), o.bur_library);
-                    }});
-  context.run(jobs);
+  const std::vector<Outcome> outcomes = replay_runs(experiment, EngineKind::kLevelset, context);
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
     const Outcome& outcome = outcomes[i];

@@ -63,7 +63,7 @@ void NonlinearContact::add(const ContactElement& element, int tissue, float shar
   e.area[i] = share * element.area;
 }
 
-// From `first` on, as many as there is room for.
+// Evaluates the law for up to LawBlock::kSize elements, beginning with `first`.
 void NonlinearContact::gather(const Entries& e, const GrindingLaw& law, const Motion& m, int first,
                               Block& b) const noexcept {
   b.first = first;

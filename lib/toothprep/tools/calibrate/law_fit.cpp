@@ -328,7 +328,7 @@ void judge(LawComparison& c) {
     c.verdict +=
         fmt::format("; these recordings can't tell it from: {}", fmt::join(c.like_the_best, ", "));
   if (!best.fit.constant_suffices)
-    c.verdict += "; none of the laws suffices: parts of the recordings are off by more than 5 %";
+    c.verdict += "; it does not suffice: parts of the recordings are off by more than 5 %";
 }
 
 }  // namespace
