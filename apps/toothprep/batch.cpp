@@ -311,7 +311,8 @@ void add_batch(CLI::App& app, const Common& common) {
   sub->add_flag("--redo", o->redo, "Also run what is done already");
   sub->add_option("--only", o->only,
                   "Run only items whose name matches this pattern (*, ?, []), and what they need");
-  sub->add_flag("--retry-failed", o->retry_failed, "Run only items that failed before");
+  sub->add_flag("--retry-failed", o->retry_failed,
+                "Run only items that failed before, and what needs them");
   sub->add_flag("--status", o->status, "Print what is done, and run nothing");
   sub->add_flag("--dry-run", o->dry_run,
                 "Run one item of each kind in a temporary folder, and print what all will take");

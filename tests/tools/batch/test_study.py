@@ -3,6 +3,8 @@
 Usage: test_study.py BINARY PLOT_BATCH
 """
 import csv
+import importlib.machinery
+import importlib.util
 import os
 import re
 import shutil
@@ -115,6 +117,26 @@ class Study(CommandTest):
         self.assertEqual(self.read(line[-1])[:4], b"\x89PNG")
         again = subprocess.run(line + list(kind), cwd=self.folder, capture_output=True, text=True, timeout=120)
         self.assertIn("exists already", again.stderr)
+
+    def test_labels_of_a_tornado_stay_within_its_axes(self):
+        import matplotlib
+        matplotlib.use("Agg")
+        import matplotlib.pyplot as plt
+        sys.dont_write_bytecode = True
+        loader = importlib.machinery.SourceFileLoader("plot_batch", PLOT)
+        plot = importlib.util.module_from_spec(importlib.util.spec_from_loader(loader.name, loader))
+        loader.exec_module(plot)
+        rows = [({"rate_rev_s": f"{rate}.4375", "bur": bur}, 1000 / rate + len(bur))
+                for rate in range(80, 300, 10) for bur in ("ball:D1.2", "cylinder:D0.8xL1.5")]
+        figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
+        plot.draw_tornado(axes, rows, ["rate_rev_s", "bur"], "force")
+        figure.draw_without_rendering()
+        frame = axes.get_window_extent()
+        self.assertEqual(len(axes.texts), 4)
+        for label in axes.texts:
+            box = label.get_window_extent()
+            self.assertGreaterEqual(box.x0, frame.x0, label.get_text())
+            self.assertLessEqual(box.x1, frame.x1, label.get_text())
 
     def test_workers_on_the_same_items_do_each_of_them_once(self):
         self.batch("--only", "tooth", "--quiet")

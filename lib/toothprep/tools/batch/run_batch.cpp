@@ -136,7 +136,7 @@ class Batch {
     if (fs::exists(dir_, error) && !fs::is_directory(dir_, error))
       throw Error(o_.folder + ": is a file; a folder is to be written here");
     if (!fs::exists(dir_, error) && !fs::create_directory(dir_, error))
-      throw Error(o_.folder + ": cannot be made; does the folder above it exist?");
+      throw Error(o_.folder + ": cannot be made: " + error.message());
     if (access(dir_.c_str(), W_OK) != 0) throw Error(o_.folder + ": cannot be written");
   }
 
@@ -168,6 +168,27 @@ class Batch {
     }
   }
 
+  // The items that failed, and those that need them, which were not run therefore.
+  std::vector<bool> failed_before() const {
+    const std::size_t n = m_.items.size();
+    std::vector<std::vector<std::size_t>> needed_by(n);
+    std::vector<std::size_t> open;
+    for (std::size_t i = 0; i < n; ++i) {
+      for (const std::size_t need : m_.items[i].needs) needed_by[need].push_back(i);
+      const auto known = store_.last(i);
+      if (known && known->failed) open.push_back(i);
+    }
+    std::vector<bool> found(n, false);
+    while (!open.empty()) {
+      const std::size_t i = open.back();
+      open.pop_back();
+      if (found[i]) continue;
+      found[i] = true;
+      open.insert(open.end(), needed_by[i].begin(), needed_by[i].end());
+    }
+    return found;
+  }
+
   void select() {
     const std::size_t n = m_.items.size();
     const BatchSelection& s = o_.selection;
@@ -184,16 +205,13 @@ class Batch {
     }
     if (!s.only.empty() || s.failed) {
       std::vector<bool> wanted(n, false);
+      const std::vector<bool> among = s.failed ? failed_before() : std::vector<bool>(n, true);
       bool any = false;
       for (std::size_t i = 0; i < n; ++i) {
         const std::string& name = m_.items[i].name;
         if (!s.only.empty() && fnmatch(s.only.c_str(), name.c_str(), 0) != 0) continue;
         any = true;
-        if (s.failed) {
-          const auto known = store_.last(i);
-          if (!known || !known->failed) continue;
-        }
-        mark(i, wanted);
+        if (among[i]) mark(i, wanted);
       }
       if (!any)
         throw InputError("--only", s.only, "matches no item's name", "names stand in batch.csv");
