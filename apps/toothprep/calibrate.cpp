@@ -35,7 +35,7 @@ struct Options {
   std::vector<std::string> estimate, laws;
   int bootstrap = 1000, folds = 5;
   std::uint64_t seed = 1;
-  bool fit_droop = false;
+  bool fit_droop = false, fit_droop_exponent = false, fit_rotor = false;
   bool force = false, allow_gaps = false, no_plots = false, json = false, strict = false;
 };
 
@@ -120,7 +120,9 @@ CalibrationSettings calibration_settings(const Options& o) {
   s.force = force_reading(o);
   s.coupled = o.drive == "coupled";
   s.rotation_rate_stated = o.rotation_rate.has_value();
-  s.fit_droop = o.fit_droop;
+  s.fit_droop = o.fit_droop || o.fit_droop_exponent || o.fit_rotor;
+  s.fit_droop_exponent = o.fit_droop_exponent;
+  s.fit_rotor = o.fit_rotor;
   for (const std::string& name : o.laws) {
     if (name == "all")
       s.laws.assign(std::begin(kLawKinds), std::end(kLawKinds));
@@ -232,6 +234,10 @@ void add_calibrate(CLI::App& app, const Common& common) {
                   "N of the recordings, over a recorded speed: only u/N is then determined");
   sub->add_flag("--fit-droop", o->fit_droop,
                 "Also N0 and stall torque of N = N0 (1 - T/T_stall), from the recorded speed");
+  sub->add_flag("--fit-droop-exponent", o->fit_droop_exponent,
+                "The same, and k of T = T_stall (1 - (N/N0)^k)");
+  sub->add_flag("--fit-rotor", o->fit_rotor,
+                "The same as --fit-droop, and the rotor's inertia and the time that it runs down");
   add_law(*sub, *o);
   sub->add_option("--smooth-motion-ms", o->smooth_motion_ms,
                   "Window of a local quadratic through the motion, for noisy positions; 0: none")

@@ -98,7 +98,7 @@ void run(const Options& o, const Common& common) {
   const bool coupled = o.drive == "coupled";
   const bool droops = parameters.handpiece.model == HandpieceModel::kDroop;
   // Imposed motion of a fixed speed: an ideal feed that no torque stops.
-  if (!coupled && !droops)
+  if (!coupled && !droops && parameters.handpiece.rotor_inertia == 0)
     parameters.handpiece.stall_torque = std::numeric_limits<double>::infinity();
   validate(parameters);
 

@@ -77,7 +77,9 @@ CalibrationSettings settings_of(const py::dict& o) {
   s.force = force_reading(o);
   using Motion = std::array<std::pair<const char*, bool>, 2>;
   s.coupled = choice_taken(o, "drive", Motion{{{"direct", false}, {"coupled", true}}});
-  s.fit_droop = taken<bool>(o, "fit_droop");
+  s.fit_droop_exponent = taken<bool>(o, "fit_droop_exponent");
+  s.fit_rotor = taken<bool>(o, "fit_rotor");
+  s.fit_droop = taken<bool>(o, "fit_droop") || s.fit_droop_exponent || s.fit_rotor;
   s.allow_gaps = taken<bool>(o, "allow_gaps");
   s.motion_window = taken<double>(o, "smooth_motion_ms") * 1e-3;
   check_settings(s);

@@ -48,6 +48,8 @@ std::string bits(const Parameters& p) {
   add(static_cast<int>(p.handpiece.model));
   add(static_cast<int>(p.handpiece.stall_rule));
   add(p.handpiece.droop_exponent);
+  add(p.handpiece.rotor_inertia);
+  add(p.handpiece.run_down);
   add(p.coupling.stiffness);
   add(p.coupling.damping);
   add(p.coupling.bur_mass);
@@ -243,6 +245,14 @@ TEST(Parameters, WhatCannotBeIsRefusedByName) {
       {"[handpiece]\ndroop_exponent = 1.2", "handpiece.droop_exponent"},
       {"[handpiece]\ndroop_exponent = 8.5", "handpiece.droop_exponent"},
       {"[handpiece]\ndroop_exponent = nan", "handpiece.droop_exponent"},
+      {"[handpiece]\nrotor_inertia_g_mm2 = -1", "rotor_inertia_g_mm2: must be from 0.0 to 1e+06"},
+      {"[handpiece]\nrotor_inertia_g_mm2 = inf", "handpiece.rotor_inertia_g_mm2"},
+      {"[handpiece]\nrotor_inertia_g_mm2 = 10\nstall_torque_mnm = inf", "needs a finite stall"},
+      {"[handpiece]\nrotor_inertia_g_mm2 = 10\nstall_judged_on = 'last_step'",
+       "needs stall_judged"},
+      {"[handpiece]\nrotor_inertia_g_mm2 = 10\nrun_down_s = nan", "handpiece.run_down_s"},
+      {"[handpiece]\nrun_down_s = 1", "needs a rotor_inertia_g_mm2 above 0"},
+      {"[handpiece]\nrotor_inertia_g_mm2 = 1\nrotor_inertia_t_mm2 = 1", "stands beside"},
       {"[tissue.enamel]\nsize_exponent = 1.0\nreference_chip_um = 1", "must be from -0.5 to 0.9"},
       {"[tissue.enamel]\nsize_exponent = nan\nreference_chip_um = 1", "must be from -0.5 to 0.9"},
       {"[tissue.enamel]\nsize_exponent = 0.5\nratio_exponent = 0.5\nreference_chip_um = 1",
@@ -318,6 +328,7 @@ TEST(Parameters, AnyParametersAreReadBackBitForBit) {
     p.handpiece = {any(), i % 5 ? any() : std::numeric_limits<double>::infinity(), i % 3 == 0,
                    i % 7 ? HandpieceModel::kDroop : HandpieceModel::kFixed};
     p.handpiece.droop_exponent = 0.5 * (1 + i % 16);
+    if (i % 5 && i % 3) p.handpiece.rotor_inertia = any() * 1e-7, p.handpiece.run_down = i % 2;
     p.coupling = {any(), i % 4 ? any() : 0.0, any() * 1e-6};
     p.time_step = std::ldexp(any(), -25);
     p.engine = i % 2 ? EngineKind::kVoxel : EngineKind::kLevelset;

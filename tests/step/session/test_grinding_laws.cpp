@@ -234,20 +234,22 @@ Handpiece drooping(double k) {
   return h;
 }
 
+Spindle turning(double k) { return Spindle(drooping(k), true, 0, 1e-3); }
+
 TEST(GrindingLaws, AnImposedFeedTurnsAtTheLargestRateThatGivesItsTorque) {
   // unit torque C N^m: T = C N^(m-1), and at m = 1/2 with linear droop sqrt(x) (1 - x) = c has the
   // root of a cubic in sqrt(x); c is at most 2/(3 sqrt(3)), at x = 1/3.
   for (const double c : {0.01, 0.2, 0.38, 0.3848}) {
     Trial trial;
     const auto unit = [&](double rate) { return c * 2 * 10 * std::sqrt(rate); };
-    turn_at_imposed_feed_of(drooping(1), unit, trial);
+    turn_at_imposed_feed_of(turning(1), unit, trial);
     const double y = 2 / std::sqrt(3) * std::cos(std::acos(-1.5 * std::sqrt(3) * c) / 3);
     ASSERT_TRUE(trial.operating_point) << c;
     EXPECT_NEAR(trial.rotation_rate, 100 * y * y, 2e-6) << c;
   }
   Trial trial;
   turn_at_imposed_feed_of(
-      drooping(1), [](double rate) { return 0.3851 * 20 * std::sqrt(rate); }, trial);
+      turning(1), [](double rate) { return 0.3851 * 20 * std::sqrt(rate); }, trial);
   EXPECT_FALSE(trial.operating_point);
 }
 
@@ -255,9 +257,9 @@ TEST(GrindingLaws, ALinearUnitTorqueTurnsAsTheClosedFormSays) {
   for (const double k : {1.0, 2.0})
     for (const double unit : {0.0, 1.0, 20.0, 45.0, 49.9, 51.0, 90.0}) {
       Trial a, b;
-      turn_at_imposed_feed(drooping(k), unit, a);
+      turn_at_imposed_feed(turning(k), unit, a);
       turn_at_imposed_feed_of(
-          drooping(k), [&](double) { return unit; }, b);
+          turning(k), [&](double) { return unit; }, b);
       ASSERT_EQ(a.operating_point, b.operating_point) << unit;
       if (a.operating_point) {
         EXPECT_NEAR(a.rotation_rate, b.rotation_rate, 1e-6) << unit;

@@ -85,11 +85,11 @@ TEST(SplitStep, StalledThroughoutItIsARowOfAStalledStep) {
   EXPECT_EQ(row.rotation_rate, 0);
 }
 
-TEST(SplitStep, WithoutTorqueTheRotationRateIsZero) {
+TEST(SplitStep, WithoutTorqueTheRotationRateIsThatOfTheLastPart) {
   SplitStepRow whole;
-  whole.add(part(0.1, 0, 0, 100));
+  whole.add(part(0.1, 0, 0, 90));
   whole.add(part(0.2, 0, 0, 100));
-  EXPECT_EQ(whole.row(Vec3::Zero(), kStep).rotation_rate, 0);
+  EXPECT_EQ(whole.row(Vec3::Zero(), kStep).rotation_rate, 100);
 }
 
 TEST(SplitStep, PartsAreAboutAThirdOfAVoxelAndBounded) {

@@ -201,8 +201,19 @@ class Calibration(CommandTest):
         self.refused("--fit-droop", *common, "rig.h5", "--rotation-rate-rev-s", "100")
         self.refused("--fit-droop", *common, "rig.h5", "--drive", "coupled")
         self.refused("needs the speed", *common, "rig.csv")
-        self.file("square.toml").write_text("[handpiece]\nmodel = 'droop'\ndroop_exponent = 2\n")
-        self.refused("droop_exponent", *common, "rig.h5", "--params", "square.toml")
+
+    def test_exponent_and_rotor_from_recorded_speed(self):
+        self.short_path("slow.csv", 0.8)
+        self.file("rotor.toml").write_text('[step]\ntime_step_s = 0.005\n[handpiece]\nmodel = "droop"\ndroop_exponent = 2\n'
+                                           "rotation_rate_rev_s = 130\nstall_torque_mnm = 3\nrotor_inertia_g_mm2 = 1000\n")
+        self.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", "slow.csv", *self.TRUTH,
+                      "--params", "rotor.toml", "--noise-percent", "2", "--speed-noise-percent", "0.5", "-o", "rotor-rig.h5")
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rotor-rig.h5", *BUR, "--time-step-s", "0.005",
+                      "--fit-droop-exponent", "--fit-rotor", "-o", "rotor.json", "--params-out", "rotor-fit.toml")
+        droop = self.near_truth("rotor.json", 0.03)["droop"]
+        self.assertIn(2.0, droop["droop_exponents_like_the_best"])
+        self.assertLess(abs(droop["rotor_inertia_g_mm2"] / 1000 - 1), 0.1)
+        self.assertIn("rotor_inertia_g_mm2", self.file("rotor-fit.toml").read_text())
 
     def test_a_law_with_a_size_effect_from_recording_to_parameters_to_replay(self):
         self.short_path("slow.csv", 0.8)

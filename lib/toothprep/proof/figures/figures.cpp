@@ -58,6 +58,10 @@ void check(const Experiment& experiment, const FigureOptions& options) {
                   ": what it is held against knows the paper's law only; leave size_exponent, "
                   "ratio_exponent, rubbing_pressure_n_per_mm2 and up_cutting out of --params, or "
                   "choose --only validation,laws");
+    if (experiment.kind != Kind::kValidation && p.handpiece.rotor_inertia > 0)
+      throw Error(experiment.name +
+                  ": what it is held against knows no rotor with inertia; leave [handpiece] "
+                  "rotor_inertia_g_mm2 out of --params, or choose --only validation");
     if (experiment.kind == Kind::kDroop && p.handpiece.droop_exponent != 1)
       throw Error(experiment.name +
                   ": its exact answer knows the linear droop only; leave [handpiece] "

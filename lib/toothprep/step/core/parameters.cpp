@@ -15,6 +15,8 @@ namespace {
 
 constexpr double kSmallestElement = 0.005;  // mm; finer costs time and nothing is left to gain
 constexpr double kSmallestExponent = 0.5, kLargestExponent = 8;  // of the droop
+constexpr double kMostInertia = 1;                               // t·mm²: of a lathe
+constexpr double kLongestRunDown = 1000;                         // s
 constexpr double kSmallestSizeExponent = -0.5, kLargestSizeExponent = 0.9;
 constexpr double kMostPressure = 1e5, kMostFriction = 100;  // N/mm², 1
 constexpr double kThinnestChip = 1e-7;                      // mm: an atom
@@ -30,6 +32,8 @@ std::vector<std::string> all_keys() {
                                    "handpiece.clockwise",
                                    "handpiece.model",
                                    "handpiece.droop_exponent",
+                                   "handpiece.rotor_inertia_g_mm2",
+                                   "handpiece.run_down_s",
                                    "handpiece.stall_judged_on",
                                    "coupling.stiffness_n_per_mm",
                                    "coupling.damping_n_s_per_mm",
@@ -123,6 +127,26 @@ std::optional<Violation> first_violation(const GrindingProperties& t, const std:
   return {};
 }
 
+std::optional<Violation> rotor_violation(const Handpiece& handpiece) {
+  const std::string key = "handpiece.rotor_inertia_g_mm2";
+  const double inertia = handpiece.rotor_inertia, run_down = handpiece.run_down;
+  if (!(inertia >= 0 && inertia <= kMostInertia))
+    return Violation{key, "must be from 0.0 to " + toml_number(units::to_gram(kMostInertia)) +
+                              ", got " + toml_number(units::to_gram(inertia))};
+  if (inertia > 0 && !std::isfinite(handpiece.stall_torque))
+    return Violation{key, "needs a finite stall torque, which is what speeds the rotor up"};
+  if (inertia > 0 && handpiece.stall_rule == StallRule::kLastStep)
+    return Violation{key,
+                     "needs stall_judged_on = \"trial\": a rotor stalls when its own torque "
+                     "is used up as well"};
+  if (!(run_down >= 0 && run_down <= kLongestRunDown))
+    return Violation{"handpiece.run_down_s", "must be from 0.0 to " + toml_number(kLongestRunDown) +
+                                                 ", got " + toml_number(run_down)};
+  if (run_down > 0 && inertia == 0)
+    return Violation{"handpiece.run_down_s", "needs a rotor_inertia_g_mm2 above 0"};
+  return {};
+}
+
 std::optional<Violation> first_violation(const Parameters& p) {
   const auto got = [](double value) { return ", got " + toml_number(value); };
   const auto positive = [&](double value, const std::string& place) -> std::optional<Violation> {
@@ -155,6 +179,7 @@ std::optional<Violation> first_violation(const Parameters& p) {
   if (!(exponent >= kSmallestExponent && exponent <= kLargestExponent) ||
       2 * exponent != std::floor(2 * exponent))
     return Violation{"handpiece.droop_exponent", "must be 0.5, 1, 1.5, ... or 8" + got(exponent)};
+  if (auto v = rotor_violation(p.handpiece)) return v;
   if (p.element_size != 0 && !(p.element_size >= kSmallestElement && std::isfinite(p.element_size)))
     return Violation{"engine.element_mm", "must be at least " + toml_number(kSmallestElement) +
                                               " mm, or 0 for the size that suits the bur" +
@@ -244,6 +269,9 @@ void read_handpiece(StrictTable& table, Handpiece& handpiece) {
   if (const auto x = table.choice("model", {"fixed", "droop"}))
     handpiece.model = *x == "droop" ? HandpieceModel::kDroop : HandpieceModel::kFixed;
   if (const auto x = table.number("droop_exponent")) handpiece.droop_exponent = *x;
+  read_either(table, "rotor_inertia_g_mm2", "rotor_inertia_t_mm2", units::from_gram,
+              handpiece.rotor_inertia);
+  if (const auto x = table.number("run_down_s")) handpiece.run_down = *x;
   if (const auto x = table.choice("stall_judged_on", {"trial", "last_step"}))
     handpiece.stall_rule = *x == "trial" ? StallRule::kTrial : StallRule::kLastStep;
 }
@@ -412,6 +440,13 @@ std::string to_toml(const Parameters& p) {
           (handpiece.stall_rule == StallRule::kTrial ? "trial" : "last_step") + "\"\n";
   if (handpiece.droop_exponent != 1)  // programs before 0.2 don't know it
     text += "droop_exponent = " + toml_number(handpiece.droop_exponent) + "\n";
+  const double inertia = handpiece.rotor_inertia;
+  if (const auto x = exact_inverse(inertia, units::to_gram(inertia), units::from_gram)) {
+    if (inertia != 0) text += "rotor_inertia_g_mm2 = " + toml_number(*x) + "\n";
+  } else {
+    text += "rotor_inertia_t_mm2 = " + toml_number(inertia) + "\n";
+  }
+  if (handpiece.run_down != 0) text += "run_down_s = " + toml_number(handpiece.run_down) + "\n";
   text += "\n[coupling]\nstiffness_n_per_mm = " + toml_number(p.coupling.stiffness) +
           "\ndamping_n_s_per_mm = " + toml_number(p.coupling.damping) + "\n";
   const double mass = p.coupling.bur_mass;

@@ -50,6 +50,12 @@ struct Handpiece {                                // what turns the bur: Eqs 10 
   // longer under load. Halves only, so that no power from a mathematical library, which rounds
   // otherwise on another machine, is in a result.
   double droop_exponent = 1;
+  // J of rotor and bur, t·mm² (N·mm·s²), >= 0; above 0 only with a finite stall torque and kTrial.
+  // 0: the rate follows the torque at once. Free time constant with k = 1: 2 pi J N0 / tau_s.
+  double rotor_inertia = 0;
+  // s, >= 0, only with inertia: in which a free rotor stops from N0 after the motor was switched
+  // off, evenly. 0: it is braked at once.
+  double run_down = 0;
 };
 
 struct Coupling {          // between handle and bur: Eqs 12 to 18

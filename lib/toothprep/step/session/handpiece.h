@@ -5,42 +5,20 @@
 //
 // With an imposed feed the power u Q = 2 pi T N is given, whatever N is, so that for k = 1
 //   T = (tau_s/2) (1 - sqrt(1 - u Q / P_max)),  P_max = pi N0 tau_s / 2,  no solution above P_max.
-// Otherwise x = N/N0 solves x (1 - x^k) = u Q / (2 pi N0 tau_s) by bisection above the greatest
-// power's x, which is (k + 1)^(-1/k).
+// Otherwise N T(N) = u Q / (2 pi) is solved by bisection above the rate of the greatest power
+// (spindle.h, which also has the rotor's inertia).
 // With an imposed force the torque hardly depends on N (B ~ 1/N, v ~ N): inserting settles in a few
-// turns, and bisection of (0, N0] is there for when it doesn't.
+// turns, and bisection is there for when it doesn't.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 
 #include "toothprep/step/core/parameters.h"
-#include "toothprep/step/core/units.h"
+#include "toothprep/step/session/spindle.h"
 #include "toothprep/step/session/step_state.h"
 
 namespace toothprep {
-
-inline bool droops(const Handpiece& handpiece) noexcept {
-  return handpiece.model == HandpieceModel::kDroop && std::isfinite(handpiece.stall_torque);
-}
-
-// x^k for x in [0, 1] and k a whole number of halves: products and a square root, which round alike
-// on every machine.
-inline double droop_power(double x, double k) noexcept {
-  double power = 1;
-  for (int i = 1; i <= static_cast<int>(k); ++i) power *= x;
-  return k == std::floor(k) ? power : power * std::sqrt(x);
-}
-
-// Where `falls`, which is true at `low` and false at `high`, changes: as close as doubles are.
-template <typename Falls>
-double last_true(double low, double high, const Falls& falls) noexcept {
-  for (;;) {
-    const double middle = low + (high - low) / 2;
-    if (!(middle > low && middle < high)) return low;
-    (falls(middle) ? low : high) = middle;
-  }
-}
 
 // A root of `f`, which is not negative at `low` and negative at `high`, to `tolerance`: by false
 // position that halves the end that stays (Illinois). f is not negative at what is returned.
@@ -63,48 +41,31 @@ double root_between(double low, double high, double tolerance, const F& f) noexc
   return low;
 }
 
-// N/N0 at the share T/tau_s of the stall torque.
-inline double droop_rate(double share, double k) noexcept {
-  if (k == 1) return 1 - share;
-  return share > 0 ? last_true(0, 1, [&](double x) { return droop_power(x, k) <= 1 - share; }) : 1;
-}
-
 // The trial's rotation rate, torque and operating point for an imposed feed that takes the torque
 // `unit_torque` (N·mm) at 1 rev/s.
-inline void turn_at_imposed_feed(const Handpiece& handpiece, double unit_torque,
+inline void turn_at_imposed_feed(const Spindle& spindle, double unit_torque,
                                  Trial& trial) noexcept {
-  trial.rotation_rate = handpiece.rotation_rate;
-  const double k = handpiece.droop_exponent;
-  if (droops(handpiece) && unit_torque > 0 && k != 1) {
-    const double needed = unit_torque / (handpiece.rotation_rate * handpiece.stall_torque);
-    const auto gives = [&](double x) { return x * (1 - droop_power(x, k)) >= needed; };
-    const double best = droop_rate(k / (k + 1), k);
-    trial.operating_point = gives(best);
-    trial.rotation_rate *= trial.operating_point ? last_true(best, 1, gives) : best;
-  } else if (droops(handpiece) && unit_torque > 0) {
-    const double p_max = units::kPi * handpiece.rotation_rate * handpiece.stall_torque / 2;
-    const double rest = 1 - 2 * units::kPi * unit_torque / p_max;
-    trial.operating_point = rest >= 0;
-    trial.rotation_rate *= (1 + std::sqrt(std::max(rest, 0.0))) / 2;
+  trial.rotation_rate = spindle.free_rate();
+  if (spindle.slows() && unit_torque > 0) {
+    const double rate = spindle.rate_with(unit_torque);
+    trial.operating_point = rate > 0;
+    trial.rotation_rate = trial.operating_point ? rate : spindle.rate_of_greatest_power();
   }
   trial.torque = unit_torque / trial.rotation_rate;
 }
 
 // The same where the torque at 1 rev/s, `unit_torque(N)`, depends on the rotation rate, which a law
 // that isn't linear in the chip thickness makes it do. N is the largest rate at which the handpiece
-// gives the power: looked for from N0 downwards, then by bisection.
+// gives the power: looked for from the free rate downwards, then by bisection.
 template <typename UnitTorque>
-void turn_at_imposed_feed_of(const Handpiece& handpiece, const UnitTorque& unit_torque,
+void turn_at_imposed_feed_of(const Spindle& spindle, const UnitTorque& unit_torque,
                              Trial& trial) noexcept {
-  constexpr int kPlaces = 32;              // of (0, N0], and of a place where none gives it
-  constexpr double kRateTolerance = 1e-9;  // of N0
-  const double n0 = handpiece.rotation_rate;
-  const auto spare = [&](double x) {
-    return n0 * handpiece.stall_torque * x * (1 - droop_power(x, handpiece.droop_exponent)) -
-           unit_torque(x * n0);
-  };
-  trial.rotation_rate = n0;
-  if (droops(handpiece) && unit_torque(n0) > 0) {
+  constexpr int kPlaces = 32;              // of (0, n], and of a place where none gives it
+  constexpr double kRateTolerance = 1e-9;  // of n
+  const double n = spindle.free_rate();
+  const auto spare = [&](double x) { return x * n * spindle.torque(x * n) - unit_torque(x * n); };
+  trial.rotation_rate = n;
+  if (spindle.slows() && unit_torque(n) > 0) {
     double best = 1, most = spare(1);
     for (int i = kPlaces - 1; i > 0 && most < 0; --i) {
       const double x = static_cast<double>(i) / kPlaces, s = spare(x);
@@ -122,41 +83,41 @@ void turn_at_imposed_feed_of(const Handpiece& handpiece, const UnitTorque& unit_
     trial.operating_point = most >= 0;
     if (trial.operating_point && best < 1)
       best = root_between(best, std::min(best + 1.0 / kPlaces, 1.0), kRateTolerance, spare);
-    trial.rotation_rate = best * n0;
+    trial.rotation_rate = best * n;
   }
   trial.torque = unit_torque(trial.rotation_rate) / trial.rotation_rate;
 }
 
 // The trial at the rate at which the handpiece gives the torque that the trial takes. `trial_at(N,
 // guess)` solves the step at a rotation rate, starting from a velocity. The rate is settled to
-// `tolerance` of N0.
+// `tolerance` of the free rate.
 template <typename TrialAt>
-Trial turn_at_imposed_force(const Handpiece& handpiece, const Trial& at_full_rate,
+Trial turn_at_imposed_force(const Spindle& spindle, const Trial& at_free_rate,
                             const TrialAt& trial_at, double tolerance) noexcept {
   constexpr int kMaxDirectIterations = 12;  // before bisection
-  constexpr double kTinyRate = 1e-6;        // of N0: stands for N -> 0
-  if (!droops(handpiece) || at_full_rate.torque <= 0) return at_full_rate;
+  constexpr double kTinyRate = 1e-6;        // of the free rate: stands for N -> 0
+  const double n = spindle.free_rate();
+  if (!spindle.slows() || at_free_rate.torque <= std::max(spindle.torque(n), 0.0))
+    return at_free_rate;
 
-  const double n0 = handpiece.rotation_rate;
-  Trial trial = trial_at(kTinyRate * n0, at_full_rate.velocity);
-  if (trial.torque > handpiece.stall_torque) {
+  Trial trial = trial_at(kTinyRate * n, at_free_rate.velocity);
+  if (trial.torque > spindle.torque(0)) {
     trial.operating_point = false;
     return trial;
   }
   const auto rate_for = [&](double torque) {
-    return std::max(kTinyRate * n0,
-                    n0 * droop_rate(torque / handpiece.stall_torque, handpiece.droop_exponent));
+    return std::clamp(spindle.rate_at(torque), kTinyRate * n, n);
   };
-  trial = at_full_rate;
+  trial = at_free_rate;
   double rate = rate_for(trial.torque);
   for (int i = 0; i < kMaxDirectIterations; ++i) {
     trial = trial_at(rate, trial.velocity);
     const double next = rate_for(trial.torque);
-    if (std::abs(next - rate) <= tolerance * n0) return trial;
+    if (std::abs(next - rate) <= tolerance * n) return trial;
     rate = next;
   }
-  double low = kTinyRate * n0, high = n0;
-  while (high - low > tolerance * n0) {
+  double low = kTinyRate * n, high = n;
+  while (high - low > tolerance * n) {
     const double middle = (low + high) / 2;
     trial = trial_at(middle, trial.velocity);
     (rate_for(trial.torque) > middle ? low : high) = middle;
@@ -166,8 +127,9 @@ Trial turn_at_imposed_force(const Handpiece& handpiece, const Trial& at_full_rat
 
 // Whether the handpiece stalls. `judged_torque` is that of the trial or, by the literal rule, of
 // the step before.
-inline bool stalls(const Handpiece& handpiece, const Trial& trial, double judged_torque) noexcept {
-  if (droops(handpiece)) return !trial.operating_point;
+inline bool stalls(const Handpiece& handpiece, const Spindle& spindle, const Trial& trial,
+                   double judged_torque) noexcept {
+  if (spindle.slows()) return !trial.operating_point;
   return judged_torque > handpiece.stall_torque;
 }
 

@@ -53,6 +53,7 @@ Session::Work::Work(const Bur& bur, Workpiece& workpiece, const Parameters& para
   totals_.initial_overlap = engine_->clear(first.pose);
   state_.pose = first.pose;
   state_.handle = first;
+  if (first.buttons & kPedalButton) state_.rotation_rate = parameters.handpiece.rotation_rate;
   initial_.handle = first;
   initial_.bur = first.pose;
 }

@@ -73,7 +73,7 @@ StepRecord SplitStepRow::row(const Vec3& start, double time_step) const noexcept
   StepRecord row = sum_;
   if (parts_ == 1) return row;
   row.bur_velocity = (row.bur.position - start) / time_step;
-  row.rotation_rate = row.torque > 0 ? row.power / (2 * units::kPi * row.torque) : 0;
+  if (row.torque > 0) row.rotation_rate = row.power / (2 * units::kPi * row.torque);
   return row;
 }
 

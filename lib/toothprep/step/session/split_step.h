@@ -32,7 +32,7 @@ HandleSample handle_between(const HandleSample& from, const HandleSample& to, in
 //   handle, bur, device force, removed volume  at the end of the last part
 //   velocity                                   way of the bur over the step's time
 //   grinding force, torque, power, areas       mean over the parts, so that energy sums exactly
-//   rotation rate                              power / (2 pi torque), 0 without torque
+//   rotation rate                              power / (2 pi torque); without torque that of the last part
 //   stalled                                    whether any part was; stalled_fraction says how many
 //   trial torque                               the largest
 class SplitStepRow {

@@ -74,11 +74,11 @@ Vec3 pull(const StepModel& model, const StepPart& part) noexcept {
 }
 
 // Where the motion will go, mm/s in B. Direct: where the handle goes. Else on as before, or along
-// the pull when at rest; with the motor off, as freely as in the air.
+// the pull when at rest; with a bur that doesn't turn, as freely as in the air.
 Vec3 first_guess(const StepModel& model, const StepPart& part) noexcept {
   if (model.drive == Drive::kDirect)
     return part.before.orientation.conjugate() * part.handle_velocity;
-  if (!part.motor_on) return velocity_against(model, part, Mat3::Zero(), Vec3::Zero());
+  if (!part.turns) return velocity_against(model, part, Mat3::Zero(), Vec3::Zero());
   if (part.coupling.velocity.norm() < 1e-9) return pull(model, part);
   return part.coupling.velocity;
 }
@@ -136,56 +136,54 @@ Trial converge(const StepModel& model, const ContactSet& contact, const StepPart
 }
 
 // The handle's velocity is imposed; the handpiece turns as fast as it can with that feed.
-Trial direct_trial(const StepModel& model, const ContactSet& contact,
-                   const StepPart& part) noexcept {
+Trial direct_trial(const ContactSet& contact, const StepPart& part) noexcept {
   Trial trial;
   trial.velocity = part.guess;
-  if (!part.motor_on) return trial;
-  const Handpiece& handpiece = model.parameters.handpiece;
+  if (!part.turns) return trial;
   const auto respond = [&](double rotation_rate) {
     if (part.moves) trial.response = contact.response(trial.velocity, part.omega, rotation_rate);
     return unit_torque(trial);
   };
   if (contact.is_linear()) {
-    turn_at_imposed_feed(handpiece, respond(handpiece.rotation_rate), trial);
+    turn_at_imposed_feed(part.spindle, respond(part.spindle.free_rate()), trial);
   } else {
-    turn_at_imposed_feed_of(handpiece, respond, trial);  // its last question is the rate's own
+    turn_at_imposed_feed_of(part.spindle, respond, trial);  // its last question is the rate's own
   }
   return trial;
 }
 
 // Spring or load pulls; the contact is sampled again where the motion turns away from the guess.
 Trial pulled_trial(const StepModel& model, GrindingEngine& engine, const StepPart& part) noexcept {
-  const Handpiece& handpiece = model.parameters.handpiece;
+  const double free_rate = part.spindle.free_rate();
   Trial trial;
-  if (!part.motor_on || !part.moves) {
-    trial.velocity = part.motor_on ? Vec3(Vec3::Zero()) : part.guess;
-    trial.rotation_rate = part.motor_on ? handpiece.rotation_rate : 0;
+  if (!part.turns || !part.moves) {
+    trial.velocity = part.turns ? Vec3(Vec3::Zero()) : part.guess;
+    trial.rotation_rate = free_rate;
     return trial;
   }
   Vec3 guess = part.guess;
   for (int samples = 1;; ++samples) {
-    trial = converge(model, engine.contact(), part, guess, handpiece.rotation_rate);
+    trial = converge(model, engine.contact(), part, guess, free_rate);
     if (samples == kMaxSamples || engine.covers(trial.velocity)) break;
     guess = trial.velocity;
     engine.sample(part.before, guess, part.omega);
   }
   const ContactSet& contact = engine.contact();
-  double last_rate = handpiece.rotation_rate;
+  double last_rate = free_rate;
   const auto trial_at = [&](double rate, const Vec3& from) {
     // Chips of the same thickness are a good guess; a linear law needs the direction alone.
     const Vec3 near = contact.is_linear() ? from : Vec3(from * (rate / last_rate));
     last_rate = rate;
     return converge(model, contact, part, near, rate);
   };
-  return turn_at_imposed_force(handpiece, trial, trial_at,
+  return turn_at_imposed_force(part.spindle, trial, trial_at,
                                contact.is_linear() ? kExactRate : kSettled);
 }
 
 bool stalls_at(const StepModel& model, const BurState& state, StepPart& part) noexcept {
   const bool literally = model.parameters.handpiece.stall_rule == StallRule::kLastStep;
   part.judged_torque = literally ? state.last_torque : part.trial.torque;
-  return stalls(model.parameters.handpiece, part.trial, part.judged_torque);
+  return stalls(model.parameters.handpiece, part.spindle, part.trial, part.judged_torque);
 }
 
 }  // namespace
@@ -196,7 +194,9 @@ StepPart sense(const StepModel& model, const BurState& state, const HandleSample
   part.h = h;
   part.handle = handle;
   part.before = state.pose;
-  part.motor_on = handle.buttons & kPedalButton;
+  part.spindle =
+      Spindle(model.parameters.handpiece, handle.buttons & kPedalButton, state.rotation_rate, h);
+  part.turns = part.spindle.turns();
   part.handle_velocity = (handle.pose.position - state.handle.pose.position) / h;
   const double angle = state.pose.orientation.angularDistance(handle.pose.orientation);
   part.turned = turned_towards(state, handle.pose.orientation, angle, h);
@@ -214,24 +214,33 @@ StepPart sense(const StepModel& model, const BurState& state, const HandleSample
 }
 
 void find_contact(const StepModel& model, GrindingEngine& engine, const StepPart& part) noexcept {
-  const bool felt = part.motor_on || model.drive != Drive::kDirect;
+  const bool felt = part.turns || model.drive != Drive::kDirect;
   if (felt && part.moves) engine.sample(part.before, part.guess, part.omega);
 }
 
 void find_trial(const StepModel& model, GrindingEngine& engine, StepPart& part) noexcept {
-  part.trial = model.drive == Drive::kDirect ? direct_trial(model, engine.contact(), part)
+  part.trial = model.drive == Drive::kDirect ? direct_trial(engine.contact(), part)
                                              : pulled_trial(model, engine, part);
 }
 
 void judge_stall(const StepModel& model, const BurState& state, GrindingEngine& engine,
                  StepPart& part) noexcept {
-  if (!part.motor_on) {
-    part.rests = model.drive != Drive::kDirect && part.moves &&
-                 engine.contact().any_advances(part.trial.velocity, part.omega);
+  const auto rests = [&] {
+    return model.drive != Drive::kDirect && part.moves &&
+           engine.contact().any_advances(part.trial.velocity, part.omega);
+  };
+  if (!part.turns) {
+    part.rests = rests();
     return;
   }
   if (model.drive == Drive::kDirect ? !(part.trial.torque > 0) : !part.moves) return;
   part.stalls = stalls_at(model, state, part);
+  if (part.stalls && !part.spindle.motor_on()) {
+    // The tissue has stopped a rotor that was running down.
+    part.stalls = part.turns = false;
+    part.rests = rests();
+    return;
+  }
   if (part.stalls && state.catching_up && part.omega.squaredNorm() > 0) {
     part.omega.setZero();
     part.turned = part.before.orientation;
@@ -250,7 +259,7 @@ void integrate(const StepModel& model, StepPart& part, BurState& state) noexcept
     state.velocity.setZero();
     state.catching_up = true;
   } else {
-    part.attached = model.drive == Drive::kCoupled && part.motor_on &&
+    part.attached = model.drive == Drive::kCoupled && part.turns &&
                     model.parameters.coupling.attached_without_contact &&
                     part.trial.response.set.count == 0;
     if (part.attached) {
@@ -264,16 +273,17 @@ void integrate(const StepModel& model, StepPart& part, BurState& state) noexcept
                                                    part.handle.pose.orientation) > 1e-12;
     }
   }
-  if (part.motor_on && part.moves)
+  if (part.turns && part.moves)
     state.judged_velocity = part.before.orientation * part.trial.velocity;
   state.stalled = part.stalls;
-  state.last_torque = part.motor_on && !part.stalls ? part.trial.torque : 0;
+  state.last_torque = part.turns && !part.stalls ? part.trial.torque : 0;
+  state.rotation_rate = part.turns && !part.stalls ? part.trial.rotation_rate : 0;
   state.handle = part.handle;
 }
 
 void remove_tissue(const StepModel& model, const StepPart& part, const BurState& state,
                    GrindingEngine& engine) noexcept {
-  const bool cuts = part.motor_on && !part.stalls && !part.attached;
+  const bool cuts = part.turns && !part.stalls && !part.attached;
   if (cuts) {
     engine.advance(state.pose);
   } else if (!part.stalls || model.drive == Drive::kDirect) {
@@ -292,7 +302,7 @@ StepRecord record(const StepModel& model, const StepPart& part, const BurState& 
   row.torque_trial = part.judged_torque;
   row.stalled = part.stalls;
   row.stalled_fraction = part.stalls ? 1 : 0;
-  if (part.motor_on && part.moves)
+  if (part.turns && part.moves)
     row.contact_area = engine.contact().advancing_area(trial.velocity, part.omega);
 
   const Vec3 unit_force =
@@ -302,7 +312,7 @@ StepRecord record(const StepModel& model, const StepPart& part, const BurState& 
     // Direct: the contact's direction, scaled to the torque that the spindle has.
     if (model.drive == Drive::kDirect)
       row.grinding_force = unit_force * (handpiece.stall_torque / unit_torque(trial));
-  } else if (part.motor_on) {
+  } else if (part.turns) {
     row.grinding_force = unit_force / trial.rotation_rate;
     row.torque = trial.torque;
     row.rotation_rate = trial.rotation_rate;

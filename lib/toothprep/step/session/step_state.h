@@ -7,6 +7,7 @@
 #include "toothprep/step/core/step_record.h"
 #include "toothprep/step/grinding/contact_set.h"
 #include "toothprep/step/session/implicit_step.h"
+#include "toothprep/step/session/spindle.h"
 
 namespace toothprep {
 
@@ -25,6 +26,7 @@ struct BurState {
   Vec3 judged_velocity = Vec3::Zero();  // mm/s, W: of the last trial while stalled
   bool stalled = false;
   double last_torque = 0;    // N·mm, that the last step ended with
+  double rotation_rate = 0;  // rev/s, likewise
   bool catching_up = false;  // orientation held by a stall and not yet the handle's again
   HandleSample handle;
 };
@@ -45,9 +47,10 @@ struct StepPart {
   double h = 0;  // s
 
   // sense
-  HandleSample handle;  // at the end
-  Pose before;          // of the bur
-  bool motor_on = false;
+  HandleSample handle;                  // at the end
+  Pose before;                          // of the bur
+  Spindle spindle;                      // what the handpiece can do
+  bool turns = false;                   // the bur: the motor is on, or the rotor has not run down
   Vec3 handle_velocity = Vec3::Zero();  // mm/s, W
   Quat turned;                          // the bur's orientation at the end, if it turns
   Vec3 omega = Vec3::Zero();            // rad/s, B: the handle's rotation as the contact feels it
@@ -63,7 +66,7 @@ struct StepPart {
   // stall
   double judged_torque = 0;  // N·mm, what Eq. 11 was judged on
   bool stalls = false;
-  bool rests = false;  // the motor is off and an element in contact would advance
+  bool rests = false;  // the bur doesn't turn and an element in contact would advance
 
   // integrate
   bool attached = false;  // put where the handle is (coupling.attached_without_contact)

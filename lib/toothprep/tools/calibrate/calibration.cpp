@@ -155,7 +155,10 @@ void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
           fmt::format("{}: the recorded torque is {:.2f} of what the fitted u implies",
                       recordings[r].name, own.torque_factor));
   }
-  if (settings.fit_droop) c.fit.droop = fit_droop(motions, c.bases, c.fit, settings.fit.seed);
+  if (settings.fit_droop)
+    c.fit.droop = fit_droop(motions, c.bases, c.fit,
+                            {settings.fit_droop_exponent, settings.fit_rotor,
+                             settings.parameters.handpiece, settings.fit.seed});
   warn_of_stalls(recordings, c.parameters.handpiece.stall_torque, c);
   if (settings.laws.empty()) return;
   const auto compare_with = [&](const std::vector<ForceBasis>& bases) {
@@ -215,9 +218,20 @@ std::string lowpass_line(const Estimate& constant) {
 
 std::string droop_line(const DroopFit& droop) {
   if (!droop.identifiable) return "droop: not identifiable: " + droop.why_not;
-  return fmt::format("droop: N0 = {:.5g} +- {:.2g} rev/s, stall torque {:.4g} +- {:.2g} mN m",
-                     droop.rate.value, droop.rate.std, droop.stall_torque.value,
-                     droop.stall_torque.std);
+  std::string line = fmt::format(
+      "droop: N0 = {:.5g} +- {:.2g} rev/s, stall torque {:.4g} +- {:.2g} mN m", droop.rate.value,
+      droop.rate.std, droop.stall_torque.value, droop.stall_torque.std);
+  if (!droop.exponents_like_the_best.empty())
+    line += fmt::format(", exponent {:g} (the data allow {:g})", droop.exponent,
+                        fmt::join(droop.exponents_like_the_best, ", "));
+  if (droop.inertia)
+    line += fmt::format(", inertia {:.4g} +- {:.2g} g mm2", units::to_gram(droop.inertia->value),
+                        units::to_gram(droop.inertia->std));
+  if (droop.run_down)
+    line += fmt::format(", runs down in {:.4g} +- {:.2g} s", droop.run_down->value,
+                        droop.run_down->std);
+  if (!droop.inertia_why_not.empty()) line += "; inertia not known: " + droop.inertia_why_not;
+  return line;
 }
 
 std::string adequacy_line(const FitResult& fit) {
@@ -281,9 +295,6 @@ void check_settings(const CalibrationSettings& settings) {
     throw Error(
         "--fit-droop takes the rotation rate from the recordings: leave --rotation-rate-rev-s "
         "away");
-  if (settings.fit_droop && settings.parameters.handpiece.droop_exponent != 1)
-    throw Error(
-        "--fit-droop fits the linear droop: leave handpiece.droop_exponent out of --params");
   if (!is_linear(settings.parameters))
     throw Error(
         "calibrate fits the paper's law: leave size_exponent, ratio_exponent, "

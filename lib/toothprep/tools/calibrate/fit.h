@@ -81,7 +81,7 @@ struct TissueFit {                  // of one tissue
   double removed = 0;               // mm³
 };
 
-// The handpiece's droop N = N0 (1 - T / tau_s), from recorded speeds (spindle.h).
+// The handpiece's droop T = tau_s (1 - (N/N0)^k) and its rotor, from recorded speeds (spindle.h).
 struct DroopFit {
   bool identifiable = false;  // see why_not
   std::string why_not;        // if not identifiable
@@ -90,6 +90,12 @@ struct DroopFit {
   double correlation = 0;     // between the two
   double residual_rms = 0;    // rev/s
   double largest_fall = 0;    // of the speed, as a share of N0 (99 % quantile)
+  double exponent = 1;        // k
+  // If k was fitted: those that the recording can't tell from the best, which is among them.
+  std::vector<double> exponents_like_the_best;
+  std::optional<Estimate> inertia;   // J, t·mm², if it was fitted and can be told
+  std::optional<Estimate> run_down;  // s, likewise
+  std::string inertia_why_not;       // if it can't
 };
 
 struct RecordingFit {                                 // of one recording

@@ -60,18 +60,43 @@ void put_sensor(const FitResult& fit, Json& j) {
   j["delay_lowpass_correlation"] = fit.delay_lowpass_correlation;
 }
 
+Estimate in_gram(const Estimate& inertia) {
+  return {units::to_gram(inertia.value), units::to_gram(inertia.std), units::to_gram(inertia.low),
+          units::to_gram(inertia.high)};
+}
+
+void put_rotor(const DroopFit& d, Json& j) {
+  if (!d.inertia_why_not.empty()) j["rotor_inertia_why_not"] = d.inertia_why_not;
+  if (d.inertia) {
+    const Estimate inertia = in_gram(*d.inertia);
+    j["rotor_inertia_g_mm2"] = number_or_null(inertia.value);
+    j["rotor_inertia_std_g_mm2"] = number_or_null(inertia.std);
+    j["rotor_inertia_ci95_g_mm2"] = interval(inertia);
+  }
+  if (d.run_down) {
+    j["run_down_s"] = number_or_null(d.run_down->value);
+    j["run_down_std_s"] = number_or_null(d.run_down->std);
+    j["run_down_ci95_s"] = interval(*d.run_down);
+  }
+}
+
 Json droop_json(const DroopFit& d) {
-  return {{"identifiable", d.identifiable},
-          {"why_not", d.identifiable ? Json(nullptr) : Json(d.why_not)},
-          {"rotation_rate_rev_s", number_or_null(d.rate.value)},
-          {"rotation_rate_std_rev_s", number_or_null(d.rate.std)},
-          {"rotation_rate_ci95_rev_s", interval(d.rate)},
-          {"stall_torque_mnm", number_or_null(d.stall_torque.value)},
-          {"stall_torque_std_mnm", number_or_null(d.stall_torque.std)},
-          {"stall_torque_ci95_mnm", interval(d.stall_torque)},
-          {"correlation", d.correlation},
-          {"residual_rms_rev_s", d.residual_rms},
-          {"largest_fall", d.largest_fall}};
+  Json j = {{"identifiable", d.identifiable},
+            {"why_not", d.identifiable ? Json(nullptr) : Json(d.why_not)},
+            {"rotation_rate_rev_s", number_or_null(d.rate.value)},
+            {"rotation_rate_std_rev_s", number_or_null(d.rate.std)},
+            {"rotation_rate_ci95_rev_s", interval(d.rate)},
+            {"stall_torque_mnm", number_or_null(d.stall_torque.value)},
+            {"stall_torque_std_mnm", number_or_null(d.stall_torque.std)},
+            {"stall_torque_ci95_mnm", interval(d.stall_torque)},
+            {"correlation", d.correlation},
+            {"residual_rms_rev_s", d.residual_rms},
+            {"largest_fall", d.largest_fall},
+            {"droop_exponent", d.exponent}};
+  if (!d.exponents_like_the_best.empty())
+    j["droop_exponents_like_the_best"] = d.exponents_like_the_best;
+  put_rotor(d, j);
+  return j;
 }
 
 void put_quality(const FitResult& fit, Json& j) {
@@ -210,7 +235,9 @@ std::string fitted_parameters_toml(const FitResult& fit, const Parameters& base,
             "scale with it.\n";
   if (fit.droop && fit.droop->identifiable) {
     p.handpiece.model = HandpieceModel::kDroop;
-    p.handpiece.droop_exponent = 1;
+    p.handpiece.droop_exponent = fit.droop->exponent;
+    if (fit.droop->inertia) p.handpiece.rotor_inertia = fit.droop->inertia->value;
+    if (fit.droop->run_down) p.handpiece.run_down = fit.droop->run_down->value;
     p.handpiece.stall_rule = StallRule::kTrial;
     p.handpiece.rotation_rate = fit.droop->rate.value;
     p.handpiece.stall_torque = fit.droop->stall_torque.value;

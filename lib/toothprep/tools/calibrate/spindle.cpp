@@ -4,9 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "toothprep/step/core/statistics.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/step/session/spindle.h"
 #include "toothprep/tools/calibrate/uncertainty.h"
 
 namespace toothprep {
@@ -14,41 +17,35 @@ namespace {
 
 constexpr double kWorstStd = 0.25;     // relative, of tau_s
 constexpr double kUnknownShare = 0.5;  // of the torque, from tissue whose u isn't known
+constexpr double kWorstInertiaStd = 0.5;
 constexpr int kPasses = 100;
 constexpr int kHalvings = 40;
-constexpr double kLeastRoot = 0.05;  // of sqrt(1 - x): next to the collapse there is no slope
+constexpr double kLongestStride = 0.5;  // of the logarithms
+constexpr double kNudge = 1e-4;         // of the logarithms, for derivatives
+constexpr double kSettled = 1e-7;       // of the logarithms
+constexpr double kExponents[] = {1, 0.5, 1.5, 2, 2.5, 3, 4, 5, 6, 8};
+constexpr double kTimeConstants[] = {0.02, 0.1, 0.5, 2};  // s, 2 pi J N0 / tau_s to start from
+constexpr int kFirstSpeeds = 5;                           // whose median a recording starts with
+constexpr std::size_t kLeastRunDown = 20;                 // samples with the motor off
 
-struct Sample {
-  double speed, load;        // N, c
-  PerTissue<double> by_u{};  // dc/du_k
+// A step of a recording, with the load that the fit's model puts on the spindle.
+struct Row {
+  double speed = 0, load = 0;  // N, c
+  PerTissue<double> by_u{};    // dc/du_k
+  bool pedal = false;
+  bool counts = false;          // towards the fit
+  bool stands = false;          // its speed is taken as it was recorded
+  double start = std::nan("");  // of a recording's first row: the speed before
 };
 
-// The model and its derivatives by log N0, log tau_s and c.
-struct Model {
-  double speed, by_rate, by_stall, by_load;
-  Model(double rate, double stall, double load) {
-    const double x = 4 * load / (rate * stall);
-    const double root = std::max(std::sqrt(std::max(1 - x, 0.0)), kLeastRoot);
-    speed = rate / 2 * (1 + root);
-    by_rate = speed + rate * x / (4 * root);
-    by_stall = rate * x / (4 * root);
-    by_load = -1 / (stall * root);
-  }
-};
-
-struct Sums {
-  Eigen::Matrix2d H = Eigen::Matrix2d::Zero();
-  Eigen::Matrix<double, 2, 1 + kTissueCount> g =
-      Eigen::Matrix<double, 2, 1 + kTissueCount>::Zero();  // by the residual, and by each u_k
-};
-
-// The samples in which the spindle turned, with the load that the fit's model puts on it.
 struct Samples {
-  std::vector<Sample> all;
+  std::vector<Row> rows;
   std::vector<std::size_t> starts;  // of each recording
+  std::size_t counted = 0, running_down = 0;
   double step = 0;                  // s
   double load = 0, known_load = 0;  // sums: in all, and of tissues whose u is known
 };
+
 Samples samples_of(const std::vector<RecordedMotion>& motions, const std::vector<ForceBasis>& bases,
                    const FitResult& fit) {
   Samples samples;
@@ -56,128 +53,293 @@ Samples samples_of(const std::vector<RecordedMotion>& motions, const std::vector
   for (std::size_t r = 0; r < motions.size(); ++r) {
     const auto& [path, spindle] = motions[r];
     if (spindle.rate.empty()) continue;
-    samples.starts.push_back(samples.all.size());
+    samples.starts.push_back(samples.rows.size());
     samples.step = bases[r].step;
     for (std::size_t i = 1; i < path.size(); ++i) {
-      if (!(path[i].buttons & kPedalButton) || !(spindle.rate[i] > 0)) continue;
-      if (!spindle.stalled.empty() && spindle.stalled[i]) continue;
-      Sample s{spindle.rate[i], 0, {}};
-      for (int k = 0; k < kTissueCount; ++k) {
+      Row row;
+      row.speed = spindle.rate[i];
+      row.pedal = path[i].buttons & kPedalButton;
+      row.stands = !(row.speed > 0) || (!spindle.stalled.empty() && spindle.stalled[i]);
+      row.counts = row.pedal && !row.stands;
+      if (i == 1)
+        row.start = quantile(
+            std::vector<double>(spindle.rate.begin(),
+                                spindle.rate.begin() + std::min<std::ptrdiff_t>(
+                                                           kFirstSpeeds, std::ssize(spindle.rate))),
+            0.5);
+      for (int k = 0; k < kTissueCount && row.counts; ++k) {
         if (!bases[r].touched(k)) continue;
-        s.by_u[k] = bases[r].tissue[k].torque[i] * spindle.rate[i];
-        const double load = tissue[k].specific_energy * s.by_u[k];
-        s.load += load;
+        row.by_u[k] = bases[r].tissue[k].torque[i] * spindle.rate[i];
+        const double load = tissue[k].specific_energy * row.by_u[k];
+        row.load += load;
         samples.load += load;
         if (fit.tissue[k].identifiable) samples.known_load += load;
       }
-      samples.all.push_back(s);
+      samples.counted += row.counts ? 1 : 0;
+      samples.rows.push_back(row);
     }
   }
   return samples;
 }
 
-// N0 and tau_s as they are being fitted.
-struct Droop {
-  double rate = 0, stall = 0;  // rev/s, N·mm
-  double scale = 0;            // rev/s, of the residuals
-
-  double residual(const Sample& s) const { return Model(rate, stall, s.load).speed - s.speed; }
-  Sums sums(const std::vector<Sample>& samples, std::size_t begin, std::size_t end) const {
-    Sums sums;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Model m(rate, stall, samples[i].load);
-      const LossAt at = loss_at(RobustLoss::kHuber, (m.speed - samples[i].speed) / scale);
-      const Eigen::Vector2d J(m.by_rate / scale, m.by_stall / scale);
-      sums.H += at.slope * J * J.transpose();
-      sums.g.col(0) += at.psi * J;
-      for (int k = 0; k < kTissueCount; ++k)
-        sums.g.col(1 + k) += at.slope * (m.by_load * samples[i].by_u[k] / scale) * J;
+// With a rotor the rows in which it runs down, the motor off, count as well.
+void count_run_down(Samples& samples, double rate) {
+  for (Row& row : samples.rows)
+    if (!row.pedal && row.speed > 0.05 * rate && row.speed < 0.95 * rate) {
+      row.counts = true;
+      ++samples.counted, ++samples.running_down;
     }
-    return sums;
+}
+
+// The spindle's speed in every row, step by step; `more` is added to u of `tissue`.
+std::vector<double> speeds(const Handpiece& handpiece, const Samples& samples, int tissue = 0,
+                           double more = 0) {
+  std::vector<double> speed(samples.rows.size());
+  double before = 0;
+  for (std::size_t i = 0; i < samples.rows.size(); ++i) {
+    const Row& row = samples.rows[i];
+    if (std::isfinite(row.start)) before = row.start;
+    if (row.stands) {
+      before = speed[i] = row.speed;
+      continue;
+    }
+    const Spindle spindle(handpiece, row.pedal, before, samples.step);
+    const double load = row.load + more * row.by_u[tissue];
+    speed[i] = load > 0 && spindle.turns() ? spindle.rate_with(load) : spindle.free_rate();
+    // A load beyond what it gives: without inertia its last operating point, with it it stands.
+    if (speed[i] == 0 && handpiece.rotor_inertia == 0 && row.pedal)
+      speed[i] = spindle.rate_of_greatest_power();
+    before = speed[i];
+  }
+  return speed;
+}
+
+using Fields = std::vector<double Handpiece::*>;  // what is fitted, by its logarithm
+
+// The handpiece as it is being fitted.
+struct Model {
+  Handpiece handpiece;
+  Fields fields;
+  double scale = 0;  // rev/s, of the residuals
+
+  Handpiece moved(const Eigen::VectorXd& by) const {
+    Handpiece h = handpiece;
+    for (std::size_t f = 0; f < fields.size(); ++f)
+      h.*fields[f] *= std::exp(by[static_cast<Eigen::Index>(f)]);
+    return h;
+  }
+  // The derivatives by the fields' logarithms, and by each u_k if wanted; a row for each sample.
+  Eigen::MatrixXd derivatives(const Samples& samples, const PerTissue<double>* u) const {
+    const auto n = static_cast<Eigen::Index>(samples.rows.size());
+    const auto own = static_cast<Eigen::Index>(fields.size());
+    Eigen::MatrixXd by = Eigen::MatrixXd::Zero(n, own + (u ? kTissueCount : 0));
+    const auto put = [&](Eigen::Index column, const std::vector<double>& up,
+                         const std::vector<double>& down, double width) {
+      for (Eigen::Index i = 0; i < n; ++i)
+        by(i, column) =
+            (up[static_cast<std::size_t>(i)] - down[static_cast<std::size_t>(i)]) / width;
+    };
+    for (Eigen::Index f = 0; f < own; ++f) {
+      const Eigen::VectorXd nudge = kNudge * Eigen::VectorXd::Unit(own, f);
+      put(f, speeds(moved(nudge), samples), speeds(moved(-nudge), samples), 2 * kNudge);
+    }
+    for (int k = 0; u && k < kTissueCount; ++k) {
+      const double more = kNudge * (*u)[k];
+      if (more > 0)
+        put(own + k, speeds(handpiece, samples, k, more), speeds(handpiece, samples, k, -more),
+            2 * more);
+    }
+    return by;
   }
 };
 
-// Slope of the straight line through N over T.
-double slope_of(const std::vector<Sample>& samples) {
-  double t = 0, n = 0, tt = 0, tn = 0;
-  for (const Sample& s : samples) {
-    const double torque = s.load / s.speed;
-    t += torque, n += s.speed, tt += torque * torque, tn += torque * s.speed;
+double residual(const Samples& samples, const std::vector<double>& speed, std::size_t i) {
+  return speed[i] - samples.rows[i].speed;
+}
+
+double robust_scale(const Samples& samples, const std::vector<double>& speed) {
+  std::vector<double> size;
+  for (std::size_t i = 0; i < speed.size(); ++i)
+    if (samples.rows[i].counts) size.push_back(std::abs(residual(samples, speed, i)));
+  return kSigmaOfMedian * quantile(std::move(size), 0.5);
+}
+
+double loss(const Samples& samples, const std::vector<double>& speed, double scale,
+            std::size_t begin, std::size_t end) {
+  double sum = 0;
+  for (std::size_t i = begin; i < end; ++i)
+    if (samples.rows[i].counts)
+      sum += loss_at(RobustLoss::kHuber, residual(samples, speed, i) / scale).rho;
+  return sum;
+}
+
+struct Sums {
+  Eigen::MatrixXd H, g;  // g: by the residual, and by each u_k
+};
+
+Sums sums_of(const Model& model, const Samples& samples, const std::vector<double>& speed,
+             const Eigen::MatrixXd& by, std::size_t begin, std::size_t end) {
+  const auto own = static_cast<Eigen::Index>(model.fields.size());
+  const Eigen::Index beside = by.cols() - own;
+  Sums sums{Eigen::MatrixXd::Zero(own, own), Eigen::MatrixXd::Zero(own, 1 + beside)};
+  for (std::size_t i = begin; i < end; ++i) {
+    if (!samples.rows[i].counts) continue;
+    const LossAt at = loss_at(RobustLoss::kHuber, residual(samples, speed, i) / model.scale);
+    const Eigen::VectorXd row = by.row(static_cast<Eigen::Index>(i)).transpose() / model.scale;
+    sums.H += at.slope * row.head(own) * row.head(own).transpose();
+    sums.g.col(0) += at.psi * row.head(own);
+    for (Eigen::Index k = 0; k < beside; ++k)
+      sums.g.col(1 + k) += at.slope * row[own + k] * row.head(own);
   }
-  const auto count = static_cast<double>(samples.size());
+  return sums;
+}
+
+// Slope of the straight line through N over T.
+double slope_of(const Samples& samples) {
+  double t = 0, n = 0, tt = 0, tn = 0, count = 0;
+  for (const Row& s : samples.rows) {
+    if (!s.counts) continue;
+    const double torque = s.load / s.speed;
+    t += torque, n += s.speed, tt += torque * torque, tn += torque * s.speed, ++count;
+  }
   return (tn - t * n / count) / std::max(tt - t * t / count, 1e-300);
 }
 
 // Gauss and Newton from a first guess. A step that doesn't lower the loss is halved.
-Droop fitted(Droop droop, const std::vector<Sample>& samples) {
-  const auto loss = [&samples](const Droop& d) {
-    double sum = 0;
-    for (const Sample& s : samples) sum += loss_at(RobustLoss::kHuber, d.residual(s) / d.scale).rho;
-    return sum;
-  };
+Model fitted(Model model, const Samples& samples) {
+  const std::size_t n = samples.rows.size();
   for (int pass = 0; pass < kPasses; ++pass) {
-    std::vector<double> size;
-    for (const Sample& s : samples) size.push_back(std::abs(droop.residual(s)));
-    droop.scale = std::max(kSigmaOfMedian * quantile(std::move(size), 0.5), 1e-9 * droop.rate);
-    const Sums sums = droop.sums(samples, 0, samples.size());
+    const std::vector<double> speed = speeds(model.handpiece, samples);
+    model.scale = std::max(robust_scale(samples, speed), 1e-9 * model.handpiece.rotation_rate);
+    const Sums sums = sums_of(model, samples, speed, model.derivatives(samples, nullptr), 0, n);
     Eigen::VectorXd by = -solve_scaled(sums.H, sums.g.col(0));
-    by = by.cwiseMax(-0.5).cwiseMin(0.5);
-    const double before = loss(droop);
-    Droop next = droop;
-    for (int half = 0; half < kHalvings; ++half, by /= 2) {
-      next.rate = droop.rate * std::exp(by[0]);
-      next.stall = droop.stall * std::exp(by[1]);
-      if (loss(next) < before) break;
-    }
-    droop = next;
-    if (by.cwiseAbs().maxCoeff() < 1e-10) break;
+    by *= std::min(1.0, kLongestStride / std::max(by.cwiseAbs().maxCoeff(), 1e-300));
+    const double before = loss(samples, speed, model.scale, 0, n);
+    for (int half = 0; half < kHalvings; ++half, by /= 2)
+      if (by.cwiseAbs().maxCoeff() < kSettled / 2 ||
+          loss(samples, speeds(model.moved(by), samples), model.scale, 0, n) < before)
+        break;
+    model.handpiece = model.moved(by);
+    if (by.cwiseAbs().maxCoeff() < kSettled) break;
   }
-  return droop;
+  return model;
 }
 
-// Of pieces longer than the residuals' correlation.
-std::vector<Sums> blocks_of(const Droop& droop, const Samples& samples,
-                            const std::vector<double>& residual) {
-  const double step = samples.step, duration = static_cast<double>(samples.all.size()) * step;
-  const double block = std::clamp(10 * correlation_time(residual, step), 20 * step,
-                                  std::max(20 * step, duration / 30));
+// Pieces of the recordings that are longer than the residuals' correlation.
+struct Piece {
+  std::size_t begin, end;
+};
+std::vector<Piece> pieces_of(const Samples& samples, const std::vector<double>& speed) {
+  std::vector<double> rest;
+  for (std::size_t i = 0; i < speed.size(); ++i)
+    if (samples.rows[i].counts) rest.push_back(residual(samples, speed, i));
+  const double step = samples.step, duration = static_cast<double>(rest.size()) * step;
+  const double block =
+      std::clamp(10 * correlation_time(rest, step), 20 * step, std::max(20 * step, duration / 30));
   const auto length = static_cast<std::size_t>(block / step);
-  std::vector<Sums> blocks;
+  std::vector<Piece> pieces;
   for (std::size_t r = 0; r < samples.starts.size(); ++r) {
     const std::size_t last =
-        r + 1 < samples.starts.size() ? samples.starts[r + 1] : samples.all.size();
+        r + 1 < samples.starts.size() ? samples.starts[r + 1] : samples.rows.size();
     for (std::size_t begin = samples.starts[r]; begin < last; begin += length)
-      blocks.push_back(droop.sums(samples.all, begin, std::min(begin + length, last)));
+      pieces.push_back({begin, std::min(begin + length, last)});
   }
-  return blocks;
+  return pieces;
 }
 
-// Of log N0 and log tau_s: the blocks drawn anew, each time with a draw of u.
-Eigen::Matrix2d covariance_of(const std::vector<Sums>& blocks, const FitResult& fit,
-                              std::uint64_t seed) {
+// Of the fields' logarithms: the pieces drawn anew, each time with a draw of u.
+Eigen::MatrixXd covariance_of(const Model& model, const Samples& samples,
+                              const std::vector<double>& speed, const std::vector<Piece>& pieces,
+                              const FitResult& fit, std::uint64_t seed) {
   const PerTissue<GrindingProperties> tissue = modelled_tissue(fit);
-  const Eigen::Index draws = fit.draws.cols();
+  PerTissue<double> u{};
+  for (int k = 0; k < kTissueCount; ++k) u[k] = tissue[k].specific_energy;
+  const Eigen::MatrixXd by = model.derivatives(samples, &u);
+  std::vector<Sums> blocks;
+  for (const Piece& p : pieces)
+    blocks.push_back(sums_of(model, samples, speed, by, p.begin, p.end));
+  const Eigen::Index draws = fit.draws.cols(), own = blocks.front().H.rows();
   const auto replicates = draws > 0 ? draws : Eigen::Index{500};
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(own, own);
   for (Eigen::Index replicate = 0; replicate < replicates; ++replicate) {
     std::seed_seq seeds{seed, static_cast<std::uint64_t>(replicate), std::uint64_t{77}};
     std::mt19937_64 random(seeds);
-    Sums total;
+    Sums total{Eigen::MatrixXd::Zero(own, own), Eigen::MatrixXd::Zero(own, 1 + kTissueCount)};
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       const Sums& one = blocks[random() % blocks.size()];
       total.H += one.H;
       total.g += one.g;
     }
-    Eigen::Vector2d g = total.g.col(0);
+    Eigen::VectorXd g = total.g.col(0);
     for (std::size_t name = 0; name < fit.names.size(); ++name)
       for (int k = 0; k < kTissueCount; ++k)
         if (fit.names[name] == std::string(kTissueNames[k]) + ".u")
-          g += total.g.col(1 + k) *
-               (fit.draws(static_cast<Eigen::Index>(name), replicate) - tissue[k].specific_energy);
-    const Eigen::Vector2d by = -solve_scaled(total.H, g);
-    covariance += by * by.transpose() / static_cast<double>(replicates);
+          g += total.g.col(1 + k) * (fit.draws(static_cast<Eigen::Index>(name), replicate) - u[k]);
+    const Eigen::VectorXd change = -solve_scaled(total.H, g);
+    covariance += change * change.transpose() / static_cast<double>(replicates);
   }
   return covariance;
+}
+
+// The fits with each exponent, that of least loss first. Behind it in `alike` those whose loss
+// isn't above it by more than twice what its pieces scatter.
+struct Exponents {
+  Model best;
+  std::vector<double> alike;
+};
+Exponents with_exponents(const Model& start, const Samples& samples) {
+  std::vector<Model> models;
+  double scale = std::numeric_limits<double>::infinity();
+  for (const double k : kExponents) {
+    Model guess = models.empty() ? start : models.front();
+    // At small torques N = N0 (1 - T / (k tau_s)).
+    guess.handpiece.stall_torque *= guess.handpiece.droop_exponent / k;
+    guess.handpiece.droop_exponent = k;
+    models.push_back(fitted(guess, samples));
+    scale = std::min(scale, models.back().scale);
+  }
+  const auto total = [&](const Model& m) {
+    return loss(samples, speeds(m.handpiece, samples), scale, 0, samples.rows.size());
+  };
+  const Model best =
+      *std::min_element(models.begin(), models.end(),
+                        [&](const Model& a, const Model& b) { return total(a) < total(b); });
+  const std::vector<double> at_best = speeds(best.handpiece, samples);
+  const std::vector<Piece> pieces = pieces_of(samples, at_best);
+  Exponents result{best, {}};
+  for (const Model& m : models) {
+    const std::vector<double> speed = speeds(m.handpiece, samples);
+    double sum = 0, squares = 0;
+    for (const Piece& p : pieces) {
+      const double more = loss(samples, speed, scale, p.begin, p.end) -
+                          loss(samples, at_best, scale, p.begin, p.end);
+      sum += more, squares += more * more;
+    }
+    if (sum <= 2 * std::sqrt(squares)) result.alike.push_back(m.handpiece.droop_exponent);
+  }
+  std::sort(result.alike.begin(), result.alike.end());
+  return result;
+}
+
+// From the time constant of least loss.
+Model with_rotor(Model model, const Samples& samples) {
+  const std::vector<double> run_downs = samples.running_down < kLeastRunDown
+                                            ? std::vector<double>{model.handpiece.run_down}
+                                            : std::vector<double>{0.1, 0.5, 2, 8};
+  Model best = model;
+  double least = std::numeric_limits<double>::infinity();
+  const double scale = 0.02 * model.handpiece.rotation_rate;
+  for (const double constant : kTimeConstants)
+    for (const double run_down : run_downs) {
+      Handpiece& h = model.handpiece;
+      h.rotor_inertia = constant * h.stall_torque / (2 * units::kPi * h.rotation_rate);
+      h.run_down = run_down;
+      const double at = loss(samples, speeds(h, samples), scale, 0, samples.rows.size());
+      if (at < least) least = at, best = model;
+    }
+  best.fields.push_back(&Handpiece::rotor_inertia);
+  if (samples.running_down >= kLeastRunDown) best.fields.push_back(&Handpiece::run_down);
+  return fitted(best, samples);
 }
 
 Estimate estimate(double value, double relative, double student) {
@@ -188,10 +350,10 @@ Estimate estimate(double value, double relative, double student) {
 }  // namespace
 
 DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector<ForceBasis>& bases,
-                   const FitResult& fit, std::uint64_t seed) {
+                   const FitResult& fit, const DroopOptions& options) {
   DroopFit result;
-  const Samples samples = samples_of(motions, bases, fit);
-  if (samples.all.size() < 100) {
+  Samples samples = samples_of(motions, bases, fit);
+  if (samples.counted < 100) {
     result.why_not = "no speed was recorded";
     return result;
   }
@@ -200,37 +362,66 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
         "u isn't known of the tissue that loads the spindle, so its torque isn't either";
     return result;
   }
-  std::vector<double> speeds;
-  for (const Sample& s : samples.all) speeds.push_back(s.speed);
-  const double guess = quantile(speeds, 0.9), slope = slope_of(samples.all);
-  result.largest_fall = 1 - quantile(std::move(speeds), 0.01) / guess;
+  std::vector<double> recorded;
+  for (const Row& row : samples.rows)
+    if (row.counts) recorded.push_back(row.speed);
+  const double guess = quantile(recorded, 0.9), slope = slope_of(samples);
+  result.largest_fall = 1 - quantile(std::move(recorded), 0.01) / guess;
   if (!(slope < 0)) {
     result.why_not = "the recorded speed doesn't fall with the torque";
     return result;
   }
-  const Droop droop = fitted({guess, guess / -slope, 0}, samples.all);
-
-  std::vector<double> residual;
-  double square = 0;
-  for (const Sample& s : samples.all) {
-    residual.push_back(droop.residual(s));
-    square += residual.back() * residual.back();
+  Model model{options.handpiece, {&Handpiece::rotation_rate, &Handpiece::stall_torque}, 0};
+  model.handpiece.model = HandpieceModel::kDroop;
+  model.handpiece.rotation_rate = guess;
+  model.handpiece.stall_torque = guess / -slope;
+  if (options.rotor) {
+    count_run_down(samples, guess);
+    model = with_rotor(model, samples);
+  } else {
+    model = fitted(model, samples);
   }
-  result.residual_rms = std::sqrt(square / static_cast<double>(samples.all.size()));
-  const std::vector<Sums> blocks = blocks_of(droop, samples, residual);
-  const Eigen::Matrix2d covariance = covariance_of(blocks, fit, seed);
-  const double rate_std = std::sqrt(covariance(0, 0)), stall_std = std::sqrt(covariance(1, 1));
-  if (!(stall_std <= kWorstStd)) {
+  if (options.exponent) {
+    const Exponents found = with_exponents(model, samples);
+    model = found.best;
+    result.exponents_like_the_best = found.alike;
+  }
+
+  const std::vector<double> speed = speeds(model.handpiece, samples);
+  double square = 0;
+  for (std::size_t i = 0; i < speed.size(); ++i)
+    if (samples.rows[i].counts) square += std::pow(residual(samples, speed, i), 2);
+  result.residual_rms = std::sqrt(square / static_cast<double>(samples.counted));
+  const std::vector<Piece> pieces = pieces_of(samples, speed);
+  const Eigen::MatrixXd covariance =
+      covariance_of(model, samples, speed, pieces, fit, options.seed);
+  const Eigen::VectorXd std = covariance.diagonal().cwiseSqrt();
+  if (!(std[1] <= kWorstStd)) {
     result.why_not =
         fmt::format("the speed falls by only {:.1f} %: the stall torque is known to {:.0f} %",
-                    100 * result.largest_fall, std::min(100 * stall_std, 999.0));
+                    100 * result.largest_fall, std::min(100 * std[1], 999.0));
     return result;
   }
   result.identifiable = true;
-  const double student = student_95(std::max(1.0, static_cast<double>(blocks.size()) - 2));
-  result.rate = estimate(droop.rate, rate_std, student);
-  result.stall_torque = estimate(droop.stall, stall_std, student);
-  result.correlation = covariance(0, 1) / std::max(rate_std * stall_std, 1e-300);
+  result.exponent = model.handpiece.droop_exponent;
+  const double student = student_95(
+      std::max(1.0, static_cast<double>(pieces.size()) - static_cast<double>(std.size())));
+  const auto put = [&](Eigen::Index field) {
+    return estimate(model.handpiece.*model.fields[static_cast<std::size_t>(field)], std[field],
+                    student);
+  };
+  result.rate = put(0);
+  result.stall_torque = put(1);
+  result.correlation = covariance(0, 1) / std::max(std[0] * std[1], 1e-300);
+  if (options.rotor && std[2] <= kWorstInertiaStd) {
+    result.inertia = put(2);
+    if (std.size() > 3) result.run_down = put(3);
+  } else if (options.rotor) {
+    result.inertia_why_not = fmt::format(
+        "the speed follows the torque too soon, or hardly changes: the inertia is known to {:.0f} "
+        "%",
+        std::min(100 * std[2], 999.0));
+  }
   return result;
 }
 
