@@ -51,7 +51,7 @@ TEST(GrindingLaw, IsItsFormulaToSinglePrecision) {
           b.arm[count] = 0.2f + 0.01f * static_cast<float>(count);
           b.along[count] = static_cast<float>(std::cos(count));
         }
-        GrindingLaw(t).answer(count, rate, b);
+        GrindingLaw(t).evaluate(count, rate, b);
         for (int i = 0; i < count; ++i) {
           const double s = b.advance[i];
           const Exact e = exact(t, s, rate, b.arm[i], b.along[i]);
@@ -69,7 +69,7 @@ TEST(GrindingLaw, SlopesAreTheFormulasDerivatives) {
   int count = 0;
   for (double s = 1e-7; count < 40; s *= 1.9, ++count)
     b.advance[count] = static_cast<float>(s), b.arm[count] = 0.5f, b.along[count] = 0.3f;
-  GrindingLaw(t).answer(count, rate, b);
+  GrindingLaw(t).evaluate(count, rate, b);
   for (int i = 0; i < count; ++i) {
     const double s = b.advance[i], d = 1e-4 * s;
     if (std::abs(s / rate / t.reference_chip - 1e-3) < 1e-3 * 0.01) continue;  // the kink

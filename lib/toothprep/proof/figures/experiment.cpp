@@ -26,6 +26,7 @@ const std::vector<std::pair<std::string, Kind>> kKinds = {
     {"ablations", Kind::kAblations},
     {"feasibility", Kind::kFeasibility},
     {"laws", Kind::kLaws},
+    {"rotor", Kind::kRotor},
     {"validation", Kind::kValidation},
     {"transparency", Kind::kTransparency}};
 

@@ -43,6 +43,7 @@ enum class Kind {
   kAblations,            // the paper's arguments: its method with parts taken out
   kFeasibility,          // figure 13 as the paper set it up, and what it states at once
   kLaws,                 // grinding laws beyond the paper's
+  kRotor,                // a rotor with inertia
   kValidation,           // published cutting tests
   kTransparency          // the coupling on several devices: what it hides, what it lets ring
 };

@@ -190,6 +190,7 @@ int replays_of(const Experiment& experiment, const FigureOptions& options) {
     case Kind::kPreparations:
     case Kind::kDroop:
     case Kind::kLaws:
+    case Kind::kRotor:
       return runs;
     case Kind::kTransparency:
       return static_cast<int>(experiment.transparency.devices.size()) + 2;

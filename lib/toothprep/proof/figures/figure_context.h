@@ -71,6 +71,7 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
 FigureReport ablation_figure(const Experiment& experiment, FigureContext& context);
 FigureReport feasibility_figure(const Experiment& experiment, FigureContext& context);
 FigureReport laws_figure(const Experiment& experiment, FigureContext& context);
+FigureReport rotor_figure(const Experiment& experiment, FigureContext& context);
 FigureReport validation_figure(const Experiment& experiment, FigureContext& context);
 FigureReport transparency_figure(const Experiment& experiment, FigureContext& context);
 

@@ -33,6 +33,8 @@ FigureReport run_experiment(const Experiment& experiment, FigureContext& context
       return feasibility_figure(experiment, context);
     case Kind::kLaws:
       return laws_figure(experiment, context);
+    case Kind::kRotor:
+      return rotor_figure(experiment, context);
     case Kind::kValidation:
       return validation_figure(experiment, context);
     case Kind::kTransparency:
@@ -58,7 +60,8 @@ void check(const Experiment& experiment, const FigureOptions& options) {
                   ": what it is held against knows the paper's law only; leave size_exponent, "
                   "ratio_exponent, rubbing_pressure_n_per_mm2 and up_cutting out of --params, or "
                   "choose --only validation,laws");
-    if (experiment.kind != Kind::kValidation && p.handpiece.rotor_inertia > 0)
+    if (experiment.kind != Kind::kValidation && experiment.kind != Kind::kRotor &&
+        p.handpiece.rotor_inertia > 0)
       throw Error(experiment.name +
                   ": what it is held against knows no rotor with inertia; leave [handpiece] "
                   "rotor_inertia_g_mm2 out of --params, or choose --only validation");

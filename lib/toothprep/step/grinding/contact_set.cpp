@@ -184,7 +184,6 @@ GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) c
 }
 
 AdvancingSet ContactSet::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
-  if (nonlinear_) return nonlinear_->advancing_set(v, omega);
   AdvancingSet set = advancing_of_entries(v, omega);
   set.count += advancing_;
   return set;

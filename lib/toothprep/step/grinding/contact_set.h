@@ -76,7 +76,7 @@ class ContactSet {
   GrindingRates rates(const Vec3& v, const Vec3& omega, double rotation_rate) const noexcept {
     return nonlinear_ ? nonlinear_->rates(v, omega, rotation_rate) : GrindingRates();
   }
-  AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;
+  AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;  // of a linear one
   // Advancing contact area per tissue, mm².
   PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;
   // The force at v and omega split by tissue. Only of a linear set made with u = alpha = 1 for every

@@ -70,7 +70,7 @@ void GrindingLaw::powers(int count, float per_chip, const LawBlock& block, LawBl
     for (int i = 0; i < count; ++i) normal[i] = 1 / normal[i];
 }
 
-void GrindingLaw::answer(int count, double rotation_rate, LawBlock& b) const noexcept {
+void GrindingLaw::evaluate(int count, double rotation_rate, LawBlock& b) const noexcept {
   const auto rate = static_cast<float>(rotation_rate);
   const float per_chip = 1 / (rate * chip_), soft = kPressedAt * chip_;
   LawBlock::Row size, normal;

@@ -56,9 +56,9 @@ struct LawBlock {
 class GrindingLaw {  // of one tissue
  public:
   explicit GrindingLaw(const GrindingProperties& tissue);
-  // Answers for the first `count` places at the rotation rate N, rev/s, > 0. The same bits on every
+  // The law for the first `count` places at the rotation rate N, rev/s, > 0. The same bits on every
   // processor: powers are products of square roots and a short series.
-  void answer(int count, double rotation_rate, LawBlock& block) const noexcept;
+  void evaluate(int count, double rotation_rate, LawBlock& block) const noexcept;
 
  private:
   // x^-e for exponents e of either sign, to single precision for x up to 1e6 times the smallest.

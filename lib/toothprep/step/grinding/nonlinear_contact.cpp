@@ -29,7 +29,7 @@ struct NonlinearContact::Block {
   int first = 0, count = 0;
   LawBlock::Row turn;    // omega·(r x n), mm/s
   LawBlock::Row weight;  // dphi dl, mm
-  std::int32_t advancing = 0, places = 0;
+  std::int32_t advancing = 0;
   LawBlock law;
 };
 
@@ -72,8 +72,8 @@ void NonlinearContact::gather(const Entries& e, const GrindingLaw& law, const Mo
   const float *mx = &e.mx[first], *my = &e.my[first], *mz = &e.mz[first];
   const float *tx = &e.tx[first], *ty = &e.ty[first];
   const float *weight = &e.weight[first], *arm = &e.arm[first];
-  std::int32_t advancing = 0, places = 0;
-#pragma omp simd reduction(+ : advancing, places)
+  std::int32_t advancing = 0;
+#pragma omp simd reduction(+ : advancing)
   for (int i = 0; i < b.count; ++i) {
     const float turn = mx[i] * m.ox + my[i] * m.oy + mz[i] * m.oz;
     const float s = nx[i] * m.vx + ny[i] * m.vy + nz[i] * m.vz + turn;
@@ -83,10 +83,9 @@ void NonlinearContact::gather(const Entries& e, const GrindingLaw& law, const Mo
     b.law.arm[i] = arm[i];
     b.law.along[i] = -(tx[i] * m.ux + ty[i] * m.uy);  // the rim moves against n_t
     advancing += s > 0 ? 1 : 0;
-    places += s > 0 ? first + i : 0;
   }
-  b.advancing = advancing, b.places = places;
-  law.answer(b.count, m.rotation_rate, b.law);
+  b.advancing = advancing;
+  law.evaluate(b.count, m.rotation_rate, b.law);
 }
 
 // What one block adds to the response.
@@ -130,7 +129,6 @@ GrindingResponse NonlinearContact::response(const Vec3& v, const Vec3& omega, do
   const Motion motion(v, omega, rotation_rate);
   GrindingResponse sum;
   Block b;
-  std::int32_t before = 0;
   for (std::size_t k = 0; k < entries_.size(); ++k) {
     const Entries& e = entries_[k];
     for (int first = 0; first < e.count; first += LawBlock::kSize) {
@@ -138,9 +136,7 @@ GrindingResponse NonlinearContact::response(const Vec3& v, const Vec3& omega, do
       const GrindingResponse r = response_of(e, b, how);
       sum.B += r.B, sum.f0 += r.f0, sum.b += r.b, sum.t0 += r.t0;
       sum.set.count += b.advancing;
-      sum.set.places += b.places + before * b.advancing;
     }
-    before += e.count;
   }
   return sum;
 }
@@ -185,22 +181,6 @@ GrindingRates NonlinearContact::rates(const Vec3& v, const Vec3& omega,
     }
   }
   return rates;
-}
-
-AdvancingSet NonlinearContact::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
-  const Motion m(v, omega, 1);
-  AdvancingSet set;
-  std::int32_t before = 0;
-  for (const Entries& e : entries_) {
-    for (std::size_t i = 0; i < static_cast<std::size_t>(e.count); ++i) {
-      const float turn = e.mx[i] * m.ox + e.my[i] * m.oy + e.mz[i] * m.oz;
-      const float s = e.nx[i] * m.vx + e.ny[i] * m.vy + e.nz[i] * m.vz + turn;
-      set.count += s > 0 ? 1 : 0;
-      set.places += s > 0 ? before + static_cast<std::int32_t>(i) : 0;
-    }
-    before += e.count;
-  }
-  return set;
 }
 
 PerTissue<double> NonlinearContact::advancing_area(const Vec3& v,

@@ -30,7 +30,6 @@ class NonlinearContact {
   PerTissue<TissueBasis> basis(const std::vector<GrindingLaw>& law, const Vec3& v,
                                const Vec3& omega, double rotation_rate) const noexcept;
   GrindingRates rates(const Vec3& v, const Vec3& omega, double rotation_rate) const noexcept;
-  AdvancingSet advancing_set(const Vec3& v, const Vec3& omega) const noexcept;
   PerTissue<double> advancing_area(const Vec3& v, const Vec3& omega) const noexcept;  // mm²
 
  private:
