@@ -43,10 +43,10 @@ std::string make_fewer(SharpSurface& surface, double max_error_mm) {
   surface = {std::move(result.mesh), std::move(result.lines)};
   std::string margin;
   if (!surface.margin.empty())
-    margin = fmt::format(", margin {:.2g} mm", result.greatest_of_lines_mm);
+    margin = fmt::format(", margin {:.4f} mm", result.greatest_of_lines_mm);
   return fmt::format(
       "\n  instead of {} triangles; within {:.4g} mm of them everywhere, both ways "
-      "(greatest distance found {:.2g} mm{})",
+      "(greatest distance found {:.4f} mm{})",
       before, max_error_mm, result.greatest_mm, margin);
 }
 
@@ -98,7 +98,8 @@ void add_mesh(CLI::App& app, const Common& common) {
       "The surface is closed, oriented outward and free of self-intersections. Of a tooth that "
       "was\n"
       "cut here the margin, where the cut meets the tooth's own surface, is a sharp edge.\n"
-      "Example: toothprep mesh prepared.vdb -o prepared.ply");
+      "Example: toothprep mesh prepared.vdb -o prepared.ply\n"
+      "         toothprep mesh prepared.vdb -o small.glb --max-error-mm 0.02");
   sub->callback([o, &common] { run(*o, common); });
 }
 
