@@ -3,10 +3,13 @@
 
 #include <map>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "command.h"
 #include "strictness.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/decimation/decimation.h"
 #include "toothprep/tools/io/outputs.h"
 #include "toothprep/tools/mesh/sharp_surface.h"
 #include "toothprep/tools/models/model_file.h"
@@ -17,6 +20,7 @@ namespace {
 struct Options {
   std::string tooth, output;
   std::string tissue = "all";
+  std::optional<double> max_error_mm;
   bool force = false, strict = false;
 };
 
@@ -25,6 +29,27 @@ const std::map<std::string, SurfaceOf> kSurfaces = {{"all", SurfaceOf::kAll},
                                                     {"dentin", SurfaceOf::kDentin},
                                                     {"pulp", SurfaceOf::kPulp}};
 
+// What to say of it.
+std::string make_fewer(SharpSurface& surface, double max_error_mm) {
+  const std::size_t before = surface.mesh.triangles.size();
+  Decimation result = decimate(surface.mesh, surface.margin, max_error_mm);
+  if (!result.decimated) {
+    warn(
+        fmt::format("--max-error-mm: no mesh of fewer triangles was found within {:.4g} mm "
+                    "of this one, so it is written as it is",
+                    max_error_mm));
+    return "";
+  }
+  surface = {std::move(result.mesh), std::move(result.lines)};
+  std::string margin;
+  if (!surface.margin.empty())
+    margin = fmt::format(", margin {:.4f} mm", result.greatest_of_lines_mm);
+  return fmt::format(
+      "\n  instead of {} triangles; within {:.4g} mm of them everywhere, both ways "
+      "(greatest distance found {:.4f} mm{})",
+      before, max_error_mm, result.greatest_mm, margin);
+}
+
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.tooth});
@@ -32,17 +57,21 @@ void run(const Options& o, const Common& common) {
       outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk", ".glb", ".3mf"});
   outputs.begin();
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
-  const bool sharp = tooth.parts && o.tissue == "all";
-  const TriangleMesh mesh =
-      sharp ? extract_sharp_surface(tooth).mesh : extract_surface(tooth, kSurfaces.at(o.tissue));
+  SharpSurface surface = tooth.parts && o.tissue == "all"
+                             ? extract_sharp_surface(tooth)
+                             : SharpSurface{extract_surface(tooth, kSurfaces.at(o.tissue)), {}};
+  TriangleMesh& mesh = surface.mesh;
   if (mesh.triangles.empty())
     throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",
                      "nothing remains, so there is no surface",
                      o.tissue == "all" ? "" : "choose another --tissue");
+  std::string fewer;
+  if (o.max_error_mm) fewer = make_fewer(surface, *o.max_error_mm);
   is_model_name(output) ? write_model(mesh, output) : write_mesh(mesh, output);
   outputs.publish();
-  say(common, fmt::format("{}: {} triangles around {:.4g} mm^3{}", o.output, mesh.triangles.size(),
-                          mesh_volume_mm3(mesh), o.tissue == "all" ? "" : " of " + o.tissue));
+  say(common,
+      fmt::format("{}: {} triangles around {:.4g} mm^3{}{}", o.output, mesh.triangles.size(),
+                  mesh_volume_mm3(mesh), o.tissue == "all" ? "" : " of " + o.tissue, fewer));
 }
 
 }  // namespace
@@ -59,13 +88,18 @@ void add_mesh(CLI::App& app, const Common& common) {
   sub->add_option("--tissue", o->tissue, "Surface of all that remains, or of one tissue")
       ->check(CLI::IsMember({"all", "enamel", "dentin", "pulp"}))
       ->capture_default_str();
+  sub->add_option("--max-error-mm", o->max_error_mm,
+                  "Fewer triangles: the surface, the margin and the borders of tissues stay within "
+                  "so much of what is written without this option")
+      ->check(CLI::Range(kLeastMaxErrorMm, kGreatestMaxErrorMm));
   add_strict(*sub, o->strict, "a tooth that another program changed");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(
       "The surface is closed, oriented outward and free of self-intersections. Of a tooth that "
       "was\n"
       "cut here the margin, where the cut meets the tooth's own surface, is a sharp edge.\n"
-      "Example: toothprep mesh prepared.vdb -o prepared.ply");
+      "Example: toothprep mesh prepared.vdb -o prepared.ply\n"
+      "         toothprep mesh prepared.vdb -o small.glb --max-error-mm 0.02");
   sub->callback([o, &common] { run(*o, common); });
 }
 

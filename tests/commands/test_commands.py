@@ -4,6 +4,7 @@ Usage: test_commands.py BINARY SOURCE_DIR
 """
 import json
 import os
+import re
 import shutil
 import sys
 import unittest
@@ -101,9 +102,29 @@ class Commands(CommandTest):
             self.run_ok("--threads", threads, "replay", "--tooth", "block.vdb", "--trajectory", "slot.toml",
                         "--bur", CYLINDER, "-o", f"trace{threads}.h5", "--prepared", f"prepared{threads}.vdb")
             self.run_ok("--threads", threads, "mesh", f"prepared{threads}.vdb", "-o", f"prepared{threads}.ply")
-        for pattern in ("molar{}.vdb", "trace{}.h5", "prepared{}.vdb", "prepared{}.ply"):
+            self.run_ok("--threads", threads, "mesh", f"prepared{threads}.vdb", "-o", f"fewer{threads}.ply",
+                        "--max-error-mm", "0.02")
+        for pattern in ("molar{}.vdb", "trace{}.h5", "prepared{}.vdb", "prepared{}.ply", "fewer{}.ply"):
             with open(self.path(pattern.format(1)), "rb") as a, open(self.path(pattern.format(2)), "rb") as b:
                 self.assertEqual(a.read(), b.read(), pattern)
+
+    def test_mesh_of_fewer_triangles_in_every_format(self):
+        for name in ("ply", "stl", "obj", "vtk", "glb", "3mf"):
+            self.run_ok("mesh", "block.vdb", "-o", f"all.{name}")
+            said = self.run_ok("mesh", "block.vdb", "-o", f"few.{name}", "--max-error-mm", "0.02").stderr
+            after, before = (int(n) for n in re.findall(r"(\d+) triangles", said))
+            self.assertLess(after, before / 4, said)
+            self.assertRegex(said, r"within 0\.02 mm of them everywhere, both ways \(greatest distance found 0\.0[01]\d\d mm")
+            self.assertLess(os.path.getsize(self.path(f"few.{name}")), os.path.getsize(self.path(f"all.{name}")) / 2)
+        info = json.loads(self.run_ok("info", "few.stl", "--json").stdout)
+        self.assertEqual((info["closed"], info["triangles"]), (True, after))
+
+    def test_a_bound_without_sense_is_refused(self):
+        for bound in ("0", "-0.01", "0.0009", "1.1", "nan", "inf", "few"):
+            refused = self.run_tool("mesh", "block.vdb", "-o", "no.ply", "--max-error-mm", bound)
+            self.assertEqual(refused.returncode, 2, bound)
+            self.assertIn("--max-error-mm", refused.stderr)
+            self.assertFalse(os.path.exists(self.path("no.ply")))
 
     def test_a_trace_replays_with_its_handle_to_the_same_forces(self):
         self.replay("first.h5")

@@ -24,7 +24,7 @@ HEAVY = {
     "gdcm": ["lib/toothprep/tools/scan_files"],
     "hdf5": ["lib/toothprep/tools/files"],
     "H5": ["lib/toothprep/tools/files"],
-    "CGAL": ["lib/toothprep/tools/shells", "tests"],
+    "CGAL": ["lib/toothprep/tools/shells", "lib/toothprep/tools/decimation", "tests"],
     "ceres": ["lib/toothprep/tools/calibrate"],
     "embree": ["lib/toothprep/tools/mesh"],
     "boost/asio": ["lib/toothprep/tools/view"],

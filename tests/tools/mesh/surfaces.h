@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <utility>
@@ -66,6 +67,25 @@ inline LayeredTooth tooth_of(const std::function<double(const Vec3&)>& field, do
         return s;
       },
       false);
+}
+
+// What remains of that tooth under the cut; it knows both.
+inline LayeredTooth cut_tooth(const std::function<double(const Vec3&)>& tooth_field,
+                              const std::function<double(const Vec3&)>& cut_field, double half_size,
+                              double voxel) {
+  LayeredTooth tooth = tooth_of(tooth_field, half_size, voxel);
+  const auto band = static_cast<float>(tooth.band());
+  LevelSet cut(tooth.solid.first_brick(), tooth.solid.brick_counts(), -band, {band});
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    for (int v = 0; v < kBrickVoxels; ++v)
+      values[v] = std::clamp(static_cast<float>(-cut_field(tooth.lattice.to_world(
+                                 cut.brick_origin(b) + Index3(v >> 6, v >> 3 & 7, v & 7)))),
+                             -band, band);
+    cut.set_brick(b, values.data());
+  }
+  apply_cut(tooth, cut);
+  return tooth;
 }
 
 inline double box_distance(const Vec3& x, const Vec3& half) {

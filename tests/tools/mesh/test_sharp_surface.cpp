@@ -25,27 +25,11 @@ namespace toothprep {
 namespace {
 
 using surfaces::box_distance;
+using surfaces::cut_tooth;
 using surfaces::expect_valid;
 using surfaces::tooth_of;
 using units::kPi;
 using Field = std::function<double(const Vec3&)>;
-
-LayeredTooth cut_tooth(const Field& tooth_field, const Field& cut_field, double half_size,
-                       double voxel) {
-  LayeredTooth tooth = tooth_of(tooth_field, half_size, voxel);
-  const auto band = static_cast<float>(tooth.band());
-  LevelSet cut(tooth.solid.first_brick(), tooth.solid.brick_counts(), -band, {band});
-  std::array<float, kBrickVoxels> values;
-  for (std::size_t b = 0; b < cut.table_size(); ++b) {
-    for (int v = 0; v < kBrickVoxels; ++v)
-      values[v] = std::clamp(static_cast<float>(-cut_field(tooth.lattice.to_world(
-                                 cut.brick_origin(b) + Index3(v >> 6, v >> 3 & 7, v & 7)))),
-                             -band, band);
-    cut.set_brick(b, values.data());
-  }
-  apply_cut(tooth, cut);
-  return tooth;
-}
 
 // A tooth, a cut, and the curve in which they meet: its distance from a point, and points on it.
 struct Preparation {

@@ -1,0 +1,47 @@
+// Fewer triangles for the same surface, within a given distance of it.
+//
+// Edges are collapsed in the order of Lindstrom and Turk's cost (Proc IEEE Visualization 1998:
+// 279-286; CGAL's Surface_mesh_simplification), each only if what it replaces stays near:
+//   - every vertex of the given mesh belongs to a triangle of the present one, and lies within
+//     3/4 E of it;
+//   - new vertices, and the middles of new edges and triangles, lie within 3/4 E of the given surface;
+//   - no triangle turns by more than 60 degrees or becomes a sliver;
+//   - a feature line (the margin) keeps some of its own vertices, and each of its new edges lies
+//     within E of all the vertices that it replaces, so both lines are within E of one another;
+//   - triangles whose vertices are of different tissues stay as they are, so borders of tissues
+//     do not move at all.
+// These make the bound likely, not certain. So it is then measured, both ways and completely
+// (surface_distance.h), on the vertices in single precision as they are written; so are
+// intersections. Where the result fails, the distance allowed there is made less, and all is done
+// again, eight times at most; then, or if an edge has no length, the given mesh is the result.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "toothprep/tools/mesh/surface.h"
+
+namespace toothprep {
+
+constexpr double kLeastMaxErrorMm = 0.001, kGreatestMaxErrorMm = 1;
+
+struct Decimation {
+  TriangleMesh mesh;  // closed and 2-manifold as the given one is, with as many parts
+  std::vector<std::array<std::uint32_t, 2>> lines;  // edges of the mesh: the feature lines
+  bool decimated = false;  // false: nothing met the bound, `mesh` is the given one
+  // Greatest distance found from either surface to the other (at the vertices of both, and at points
+  // between them); nowhere is it above `max_error_mm`.
+  double greatest_mm = 0;
+  double greatest_of_lines_mm = 0;  // of the feature lines, exact
+};
+
+// mesh: closed and 2-manifold; lines: edges of it that are sharp features. Both surfaces are within
+// max_error_mm of one another everywhere, and so are the lines; parts stay apart parts, and no
+// triangles intersect unless those of the given mesh do. The same bits for any number of threads.
+// Throws Error for a bound outside of the limits above, or a mesh that is not closed and 2-manifold.
+[[nodiscard]] Decimation decimate(const TriangleMesh& mesh,
+                                  const std::vector<std::array<std::uint32_t, 2>>& lines,
+                                  double max_error_mm);
+
+}  // namespace toothprep
