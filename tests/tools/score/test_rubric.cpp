@@ -106,6 +106,25 @@ TEST(Rubric, ThePassLimitItselfPasses) {
   EXPECT_TRUE(r.passed);
 }
 
+// Neither won nor lost, also where the rubric requires it and would fail the whole by it.
+TEST(Rubric, WhatTheInputHasNotGotIsNotJudgedThoughRequired) {
+  const std::string text = kDepth + kTilt + "required = true\n";
+  const RubricResult r =
+      judge(rubric(text), {depth(1.7)}, {{"floor_tilt_deg", "the original has no floor"}});
+  const CriterionResult& c = r.criteria.at(1);
+  EXPECT_EQ(c.verdict, CriterionVerdict::kNotJudged);
+  EXPECT_EQ(c.of, 0);
+  EXPECT_EQ(c.reason,
+            "floor tilt is not judged: the original has no floor; its weight is left out");
+  EXPECT_NEAR(*r.points_percent, 100, 1e-9);
+  EXPECT_TRUE(r.passed);
+  EXPECT_THAT(r.notes, ::testing::Contains(c.reason));
+  // Of a figure that is there nothing changes.
+  EXPECT_EQ(
+      judge(rubric(text), {depth(1.7), tilt(25)}, {{"floor_tilt_deg", "x"}}).criteria.at(1).verdict,
+      CriterionVerdict::kOutside);
+}
+
 TEST(Rubric, TooFewPointsFailAndSaySo) {
   const RubricResult r = judge(rubric(kDepth + kTilt), {tilt(3), depth(9)});
   EXPECT_FALSE(r.passed);

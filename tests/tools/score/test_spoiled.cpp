@@ -142,6 +142,22 @@ TEST_F(SpoiledClass1, NearThePulp) {
   EXPECT_NEAR(value_of(assessment, "remaining_dentin_min_mm"), 1, 0.05);
 }
 
+// As from a mesh that has no pulp: the point for an unopened one is neither won nor lost.
+TEST_F(SpoiledClass1, WithoutAPulpItIsNotJudgedByIt) {
+  CavityOptions cavity = good_class1();
+  cavity.pulp_depth.reset();
+  const Assessment assessment = judged(cavity);
+  expect_good(assessment);
+  for (const char* key : {"pulp_exposed", "remaining_dentin_min_mm"}) {
+    const auto& criteria = assessment.sheet.result->criteria;
+    const auto c = std::find_if(criteria.begin(), criteria.end(),
+                                [&](const CriterionResult& r) { return r.key == key; });
+    ASSERT_NE(c, criteria.end());
+    EXPECT_EQ(c->verdict, CriterionVerdict::kNotJudged) << key;
+    EXPECT_NE(c->reason.find("the original has no pulp"), std::string::npos) << c->reason;
+  }
+}
+
 TEST_F(SpoiledClass1, PulpOpened) {
   CavityOptions cavity = good_class1();
   cavity.pulp_depth = 1.6;

@@ -428,7 +428,11 @@ void measure_draw(Bench& bench) {
 
 void measure_pulp(Bench& bench) {
   const TriangleMesh pulp = extract_surface(bench.original, SurfaceOf::kPulp);
-  if (pulp.triangles.empty()) return;
+  if (pulp.triangles.empty()) {
+    for (const char* key : {"remaining_dentin_min_mm", "pulp_exposed"})
+      bench.result.absent.push_back({key, "the original has no pulp"});
+    return;
+  }
   const TriangleTree tree(pulp);
   std::vector<double> distance(bench.facets.size());
   tbb::parallel_for(std::size_t{0}, distance.size(), [&](std::size_t i) {

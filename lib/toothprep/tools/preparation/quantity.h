@@ -29,4 +29,10 @@ using Quantities = std::vector<Quantity>;
   return nullptr;
 }
 
+// A quantity that can't be told since the inputs haven't got what it is about.
+struct AbsentQuantity {
+  std::string key;  // as in score.json
+  std::string why;  // half a sentence: "the original has no pulp"
+};
+
 }  // namespace toothprep

@@ -179,7 +179,7 @@ double noted_label_spacing(const Solid& solid, const std::string& file,
 
 // What was measured against an axis that isn't the tooth's can't be certain.
 void judge_sheet(const Rubric& rubric, ScoreSheet& sheet) {
-  sheet.result = judge(rubric, sheet.quantities);
+  sheet.result = judge(rubric, sheet.quantities, sheet.absent);
   if (sheet.axis_known || !sheet.result->certain) return;
   sheet.result->certain = false;
   sheet.result->notes.push_back(
@@ -271,6 +271,7 @@ Assessment assess(const AssessmentOptions& options) {
     if (q.key == "pulp_exposed" && volumes.pulp_exposed) q.value = 1;
     quantities.push_back(std::move(q));
   }
+  sheet.absent = result.preparation.absent;
   sheet.axis = result.preparation.frame.d;
   sheet.axis_from = result.preparation.frame.axis_source;
   sheet.axis_known = result.preparation.frame.axis_known();

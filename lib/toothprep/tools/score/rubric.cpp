@@ -208,7 +208,8 @@ struct CriterionOutcome {
   bool may_fail = false, must_fail = false;
 };
 
-CriterionOutcome judge_criterion(const Criterion& c, const Quantities& quantities) {
+CriterionOutcome judge_criterion(const Criterion& c, const Quantities& quantities,
+                                 const std::vector<AbsentQuantity>& absent) {
   std::vector<Judged> values;
   const std::string prefix = is_group(c.key) ? c.key.substr(0, c.key.size() - 1) : "";
   for (const Quantity& q : quantities) {
@@ -220,7 +221,11 @@ CriterionOutcome judge_criterion(const Criterion& c, const Quantities& quantitie
   r.criterion = c;
   r.key = c.key;
   if (values.empty()) {
-    if (c.required) {
+    const auto a = std::find_if(absent.begin(), absent.end(),
+                                [&](const AbsentQuantity& q) { return q.key == c.key; });
+    if (a != absent.end()) {
+      r.reason = c.name + " is not judged: " + a->why + "; its weight is left out";
+    } else if (c.required) {
       r.of = c.weight;
       r.verdict = CriterionVerdict::kOutside;
       r.reason = c.name + " could not be measured, and the rubric requires it: no points";
@@ -332,7 +337,8 @@ Rubric parse_rubric(const std::string& text, const std::string& where) {
 
 Rubric read_rubric(const std::string& path) { return parse_rubric(read_small_text(path), path); }
 
-RubricResult judge(const Rubric& rubric, const Quantities& quantities) {
+RubricResult judge(const Rubric& rubric, const Quantities& quantities,
+                   const std::vector<AbsentQuantity>& absent) {
   RubricResult result;
   result.name = rubric.name;
   result.type = rubric.type;
@@ -342,7 +348,7 @@ RubricResult judge(const Rubric& rubric, const Quantities& quantities) {
   bool may_fail = false, must_fail = false;
   int not_judged = 0, uncertain = 0;
   for (const Criterion& c : rubric.criteria) {
-    CriterionOutcome outcome = judge_criterion(c, quantities);
+    CriterionOutcome outcome = judge_criterion(c, quantities, absent);
     CriterionResult& r = outcome.result;
     points += r.points;
     low += r.points_low;
@@ -381,6 +387,9 @@ RubricResult judge(const Rubric& rubric, const Quantities& quantities) {
                            " criteria could not be judged; their weight, " +
                            value_text(left_out, "1", left_out == std::floor(left_out) ? 0 : 1) +
                            ", is left out of the total");
+  for (const AbsentQuantity& a : absent)
+    for (const CriterionResult& r : result.criteria)
+      if (r.key == a.key && !r.value) result.notes.push_back(r.reason);
   if (uncertain > 0)
     result.notes.push_back(std::to_string(uncertain) +
                            (uncertain == 1 ? " criterion lies" : " criteria lie") +

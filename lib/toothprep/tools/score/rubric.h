@@ -36,7 +36,8 @@ struct Criterion {                 // one [[criterion]] of a rubric
   Range ideal, tolerated;          // full points; points fall to 0 at its ends
   std::optional<Range> hard_fail;  // outside: the whole preparation fails
   double weight = 1;               // points for `ideal`
-  bool required = false;           // a missing quantity gives 0 points; else it isn't judged
+  bool required = false;           // a quantity that could not be measured gives 0 points; else it
+                                   // isn't judged
   std::string source;              // where the numbers come from
   std::string too_low, too_high;   // what that means ("the cut is too deep"); may be empty
 };
@@ -84,7 +85,9 @@ struct RubricResult {                                      // of the whole
   std::vector<std::string> notes;         // what a reader must know
 };
 
-// Values that are not finite count as missing.
-[[nodiscard]] RubricResult judge(const Rubric& rubric, const Quantities& quantities);
+// Values that are not finite count as missing. What is `absent` from the inputs is not judged,
+// required or not.
+[[nodiscard]] RubricResult judge(const Rubric& rubric, const Quantities& quantities,
+                                 const std::vector<AbsentQuantity>& absent = {});
 
 }  // namespace toothprep
