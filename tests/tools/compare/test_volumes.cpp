@@ -76,6 +76,29 @@ INSTANTIATE_TEST_SUITE_P(Voxels, ExactCavity,
                          ::testing::Values(Case{0.1, false}, Case{0.1, true}, Case{0.05, false},
                                            Case{0.05, true}));
 
+// Floors within a voxel of enamel's border, above it and below.
+TEST_P(ExactCavity, TissuesOfAFloorNextToTheirBorderAreExact) {
+  const auto [voxel, turned] = GetParam();
+  const Pose pose = turned ? odd_pose() : Pose{};
+  const LayeredTooth tooth = block(voxel, pose);
+  const Solid original = solid_of("original", tooth);
+  double worst = 0;
+  for (const double beyond : {-0.9, -0.6, -0.35, -0.1, 0.0, 0.15, 0.4, 0.7, 0.95}) {
+    const double depth = 2 + beyond * voxel, removed = 3 * 2 * depth;
+    const VolumeComparison v = compare_volumes(
+        original,
+        on_lattice(solid_of("cut", carved(tooth, placed(cavity(depth), pose))), original));
+    const double enamel = 3 * 2 * std::min(depth, 2.0), dentin = removed - enamel;
+    EXPECT_NEAR(v.removed.tissue[kEnamel], enamel, 0.003 * enamel) << beyond;
+    EXPECT_NEAR(v.removed.tissue[kDentin], dentin, 0.003 * removed) << beyond;
+    EXPECT_NEAR(v.removed.tissue[kEnamel] + v.removed.tissue[kDentin], v.removed.total,
+                1e-3 * removed);
+    worst = std::max(worst, std::abs(v.removed.tissue[kEnamel] / enamel - 1));
+  }
+  std::printf("voxel %.2f %-7s enamel off by %.2f %% at most\n", voxel, turned ? "turned" : "along",
+              100 * worst);
+}
+
 TEST(Volumes, OfEqualPreparationAndTargetNothingIsOverOrUnderPrepared) {
   const LayeredTooth tooth = molar(0.2);
   const Solid original = solid_of("original", tooth);

@@ -47,6 +47,42 @@ struct BrickView {
   }
 };
 
+// Where two planes divide a voxel: cubes, kSub of them along each edge, are divided on their own.
+constexpr int kSub = 4;
+
+// A level set as a plane within a voxel: its value at the centre, its slope.
+struct VoxelPlane {
+  double centre;
+  Vec3 slope;  // mm per voxel
+  VoxelPlane(const LevelSet& phi, const Index3& i)
+      : centre(phi.value(i.x(), i.y(), i.z())), slope(Vec3::Zero()) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const Index3 step = Index3::Unit(axis);
+      slope[axis] = (double{value(phi, i + step)} - double{value(phi, i - step)}) / 2;
+    }
+  }
+  static float value(const LevelSet& phi, const Index3& i) {
+    return phi.value(i.x(), i.y(), i.z());
+  }
+};
+
+// The share of a voxel below both planes. In each cube the share below both is the smaller one where
+// the planes face the same way, what both have too much where they face each other, the product
+// where they stand across, and in between by the cosine.
+double share_below_both(const VoxelPlane& a, const VoxelPlane& b, double voxel) {
+  const double cosine = a.slope.dot(b.slope) / std::max(a.slope.norm() * b.slope.norm(), 1e-12);
+  const double along = std::abs(cosine), cube = voxel / kSub;
+  double sum = 0;
+  for (int n = 0; n < kSub * kSub * kSub; ++n) {
+    const Vec3 at = (Vec3(n % kSub, n / kSub % kSub, n / (kSub * kSub)).array() + 0.5) / kSub - 0.5;
+    const double fa = std::clamp(0.5 - (a.centre + a.slope.dot(at)) / cube, 0.0, 1.0);
+    const double fb = std::clamp(0.5 - (b.centre + b.slope.dot(at)) / cube, 0.0, 1.0);
+    const double parallel = cosine > 0 ? std::min(fa, fb) : std::max(fa + fb - 1, 0.0);
+    sum += along * parallel + (1 - along) * fa * fb;
+  }
+  return sum / (kSub * kSub * kSub);
+}
+
 // Sums of one region over one brick, in voxels: all, enamel, dentin, pulp, other.
 using Sums = std::array<double, 5>;
 
@@ -136,6 +172,27 @@ class Comparison {
     if (rest > 1e-6 && is_other_or_beside(original_.tissue, i)) sums[r][4] += rest;
   }
 
+  // What is left of the original's tissues where a cut passes through a voxel that was all tooth:
+  // the level sets of remaining tissues are the larger of border and cut, which has half of a voxel
+  // at both borders too much in a sliver between them.
+  Fractions left_of(const Fractions& o, const Fractions& own, const LevelSet& solid,
+                    const Index3& i) const {
+    if (o[0] < 1 || own[0] <= 0 || own[0] >= 1) return own;
+    Fractions left = own;
+    double sum = 0, before = 0;
+    for (std::size_t k = 1; k < 4; ++k) {
+      left[k] = o[k] <= 0   ? 0
+                : o[k] >= 1 ? own[0]
+                            : share_below_both(VoxelPlane(level_set(original_, k), i),
+                                               VoxelPlane(solid, i), voxel_);
+      sum += left[k];
+      before += o[k];
+    }
+    if (sum > 0 && before > 1 - 1e-6)
+      for (std::size_t k = 1; k < 4; ++k) left[k] *= own[0] / sum;
+    return left;
+  }
+
   BrickSums brick_sums(std::size_t b) const {
     BrickSums sums{};
     if (all_alike(b)) return sums;
@@ -153,12 +210,13 @@ class Comparison {
       if (po == pp && po == pt) continue;
       const Index3 i = first + Index3(static_cast<int>(v >> 6), static_cast<int>(v >> 3 & 7),
                                       static_cast<int>(v & 7));
-      const Fractions o = original.at(v, voxel_), p = prepared.at(v, voxel_);
+      const Fractions o = original.at(v, voxel_);
+      const Fractions p = left_of(o, prepared.at(v, voxel_), prepared_.solid, i);
       add(sums, kRemoved, i, o, p);
       add(sums, kAdded, i, p, o);
       if (po > voxel_) sums[kAddedDeep][0] += p[0];
       if (!target_) continue;
-      const Fractions t = target.at(v, voxel_);
+      const Fractions t = left_of(o, target.at(v, voxel_), target_->solid, i);
       add(sums, kRequired, i, o, t);
       add(sums, kOver, i, lower(o, t), p);
       add(sums, kUnder, i, lower(o, p), t);
