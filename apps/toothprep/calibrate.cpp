@@ -191,6 +191,15 @@ void run(const Options& o, const Common& common) {
   if (o.json) std::fputs(json.c_str(), stdout);
 }
 
+void add_droop(CLI::App& sub, Options& o) {
+  sub.add_flag("--fit-droop", o.fit_droop,
+               "Also N0 and stall torque of N = N0 (1 - T/T_stall), from the recorded speed");
+  sub.add_flag("--fit-droop-exponent", o.fit_droop_exponent,
+               "The same, and k of T = T_stall (1 - (N/N0)^k)");
+  sub.add_flag("--fit-rotor", o.fit_rotor,
+               "The same as --fit-droop, and the rotor's inertia and the time that it runs down");
+}
+
 void add_law(CLI::App& sub, Options& o) {
   sub.add_option("--law", o.laws,
                  "Laws beyond the paper's to fit and compare: size, ratio, rubbing, size-rubbing, "
@@ -232,12 +241,7 @@ void add_calibrate(CLI::App& app, const Common& common) {
                               "Stall torque (inf: none), over the file's"));
   sub->add_option("--rotation-rate-rev-s", o->rotation_rate,
                   "N of the recordings, over a recorded speed: only u/N is then determined");
-  sub->add_flag("--fit-droop", o->fit_droop,
-                "Also N0 and stall torque of N = N0 (1 - T/T_stall), from the recorded speed");
-  sub->add_flag("--fit-droop-exponent", o->fit_droop_exponent,
-                "The same, and k of T = T_stall (1 - (N/N0)^k)");
-  sub->add_flag("--fit-rotor", o->fit_rotor,
-                "The same as --fit-droop, and the rotor's inertia and the time that it runs down");
+  add_droop(*sub, *o);
   add_law(*sub, *o);
   sub->add_option("--smooth-motion-ms", o->smooth_motion_ms,
                   "Window of a local quadratic through the motion, for noisy positions; 0: none")
