@@ -111,8 +111,13 @@ TEST(Plausibility, ParametersInOtherUnitsAreNamed) {
   Parameters p = preset_parameters("paper");
   p.tissue[1].force_ratio = 1e-9;
   p.handpiece.rotation_rate = 200'000;  // rpm
-  p.coupling.stiffness = 1000;          // N/m
-  p.time_step = 1;                      // ms
+  p.handpiece.rotor_inertia = 1e-4;     // 100 g·mm²: 0.1 s at 100 rev/s
+  EXPECT_THAT(kinds(judge_parameters(p)),
+              ElementsAre(Implausible::kForceRatio, Implausible::kRotationRate,
+                          Implausible::kRotorInertia));
+  p.handpiece.rotor_inertia = 0;
+  p.coupling.stiffness = 1000;  // N/m
+  p.time_step = 1;              // ms
   const auto findings = judge_parameters(p);
   ASSERT_THAT(kinds(findings), ElementsAre(Implausible::kForceRatio, Implausible::kRotationRate,
                                            Implausible::kStiffness, Implausible::kStep));

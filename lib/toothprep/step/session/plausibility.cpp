@@ -24,6 +24,7 @@ constexpr double kJoulePerCubicMetre = 1e9;    // N/mm²: from there u was given
 constexpr double kLeastAlpha = 0.01, kMostAlpha = 10;
 constexpr double kFastestSpindle = 1e4;    // rev/s
 constexpr double kStiffest = 200;          // N/mm
+constexpr double kSlowestSpinUp = 10;      // s
 constexpr double kLongestTimeStep = 0.02;  // s
 constexpr double kMostForce = 50;          // N
 constexpr double kLeastEnergy = 0.01;      // mJ, from which the audit is judged
@@ -126,6 +127,8 @@ const char* name_of(Implausible what) {
       return "force_ratio";
     case Implausible::kRotationRate:
       return "rotation_rate";
+    case Implausible::kRotorInertia:
+      return "rotor_inertia";
     case Implausible::kStiffness:
       return "stiffness";
     case Implausible::kStep:
@@ -213,6 +216,14 @@ std::vector<Finding> judge_parameters(const Parameters& p) {
     findings.push_back({Implausible::kRotationRate, rate,
                         fmt::format("the rotation rate is {:.4g} rev/s", rate),
                         fmt::format("rpm: it would be {:.4g} rev/s", rate / 60)});
+  const double spin_up =
+      2 * units::kPi * p.handpiece.rotor_inertia * rate / p.handpiece.stall_torque;
+  if (spin_up > kSlowestSpinUp)
+    findings.push_back(
+        {Implausible::kRotorInertia, spin_up,
+         fmt::format("with a rotor of {:.4g} g mm2 the handpiece takes {:.3g} s to speed up",
+                     units::to_gram(p.handpiece.rotor_inertia), spin_up),
+         "an inertia in another unit: 1 g cm2 is 100 g mm2, 1 kg m2 is 1e9 g mm2"});
   if (p.coupling.stiffness >= kStiffest)
     findings.push_back(
         {Implausible::kStiffness, p.coupling.stiffness,

@@ -11,6 +11,7 @@
 //   specific_energy  u outside 1e-4 .. 100 J/mm³ (not 0)   J/m³, N/mm²
 //   force_ratio      alpha outside 0.01 .. 10              F_n/F_t, a lost exponent
 //   rotation_rate    above 10 000 rev/s                    rpm
+//   rotor_inertia    time constant above 10 s              g·cm² or kg·m² taken for g·mm²
 //   stiffness        coupling of 200 N/mm or more          N/m
 //   step             time step above 0.02 s                milliseconds
 //   force            peak above 50 N                       one of those, or too fast a feed
@@ -37,6 +38,7 @@ enum class Implausible {  // see the table above
   kSpecificEnergy,
   kForceRatio,
   kRotationRate,
+  kRotorInertia,
   kStiffness,
   kStep,
   kForce,
