@@ -123,12 +123,7 @@ CalibrationSettings calibration_settings(const Options& o) {
   s.fit_droop = o.fit_droop || o.fit_droop_exponent || o.fit_rotor;
   s.fit_droop_exponent = o.fit_droop_exponent;
   s.fit_rotor = o.fit_rotor;
-  for (const std::string& name : o.laws) {
-    if (name == "all")
-      s.laws.assign(std::begin(kLawKinds), std::end(kLawKinds));
-    else if (const auto law = law_named(name))
-      s.laws.push_back(*law);
-  }
+  s.laws = laws_named(o.laws);
   s.allow_gaps = o.allow_gaps;
   s.motion_window = o.smooth_motion_ms * 1e-3;
   check_settings(s);

@@ -80,6 +80,7 @@ CalibrationSettings settings_of(const py::dict& o) {
   s.fit_droop_exponent = taken<bool>(o, "fit_droop_exponent");
   s.fit_rotor = taken<bool>(o, "fit_rotor");
   s.fit_droop = taken<bool>(o, "fit_droop") || s.fit_droop_exponent || s.fit_rotor;
+  s.laws = laws_named(taken<std::vector<std::string>>(o, "law"));
   s.allow_gaps = taken<bool>(o, "allow_gaps");
   s.motion_window = taken<double>(o, "smooth_motion_ms") * 1e-3;
   check_settings(s);
@@ -110,8 +111,9 @@ py::tuple fitted(const std::shared_ptr<Tooth>& tooth, const std::string& tooth_n
     const auto recordings =
         read_recordings(files, settings, sources.tooth_sha256, tooth_name, bur->spec, listener);
     const CalibrationResult c = calibrate(bur->bur, tooth->layers, recordings, settings, listener);
-    json = fit_json(c.fit, sources);
-    toml = fitted_parameters_toml(c.fit, c.parameters, sources);
+    json = fit_json(c.fit, sources, c.laws ? &*c.laws : nullptr);
+    toml = c.laws ? fitted_parameters_toml(*c.laws, c.parameters, sources)
+                  : fitted_parameters_toml(c.fit, c.parameters, sources);
     p.report("done", 1.0);
   });
   warn(warnings);

@@ -90,6 +90,7 @@ class Errors(CommandTest):
                 (TypeError, lambda: toothprep.voxelize("scan.nrrd", voxel_mm="fine")),
                 (ValueError, lambda: toothprep.calibrate(self.tooth, "m.h5", BUR, loss="least")),
                 (ValueError, lambda: toothprep.calibrate(self.tooth, "m.h5", BUR, estimate="mass")),
+                (toothprep.Error, lambda: toothprep.calibrate(self.tooth, "m.h5", BUR, law="newton")),
                 (ValueError, lambda: toothprep.score("a.vdb", "b.vdb", type="class9")),
                 (TypeError, lambda: toothprep.score(self.tooth, self.tooth)),
                 (ValueError, lambda: toothprep.set_threads(-1))]:

@@ -76,6 +76,12 @@ class Tools(CommandTest):
         enamel = fit["tissues"]["enamel"]
         self.assertAlmostEqual(enamel["u_j_per_mm3"], 0.5, delta=0.01)
         self.assertAlmostEqual(enamel["alpha"], 0.3, delta=0.01)
+        self.run_ok("calibrate", "--tooth", "cal.vdb", "--measured", "rig.h5", "--bur", BUR, "-o", "law.json",
+                    "--params-out", "law.toml", "--law", "up-cutting", *options)
+        by_law = toothprep.calibrate("cal.vdb", "rig.h5", BUR, rotation_rate_rev_s=100, bootstrap=100, law="up-cutting")
+        self.assertEqual(by_law, json.loads(self.read("law.json")))
+        self.assertEqual(by_law.parameters_toml, self.read("law.toml").decode())
+        self.assertEqual([law["name"] for law in by_law["laws"]], ["paper", "up-cutting"])
 
     def test_score_is_the_command(self):
         tooth = toothprep.molar(voxel_mm=0.2)

@@ -180,7 +180,8 @@ def calibrate(tooth: Union[Tooth, _Path], measured: Union[_Path, Sequence[_Path]
               range_n: Optional[float] = ..., lowpass_hz: float = ..., noise_n: Optional[float] = ...,
               loss: Literal["huber", "cauchy", "none"] = ..., bootstrap: int = ..., block_s: float = ...,
               folds: int = ..., seed: int = ..., fit_droop: bool = ..., fit_droop_exponent: bool = ...,
-              fit_rotor: bool = ..., smooth_motion_ms: float = ..., allow_gaps: bool = ..., progress: _Progress = ...) -> Fit: ...
+              fit_rotor: bool = ..., law: Union[str, Sequence[str]] = ..., smooth_motion_ms: float = ...,
+              allow_gaps: bool = ..., progress: _Progress = ...) -> Fit: ...
 def score(original: _Path, prepared: _Path, *, target: Optional[_Path] = ..., trace: Optional[_Path] = ...,
           type: Optional[Literal["crown", "class1", "class2"]] = ..., rubric: Optional[_Path] = ...,
           axis: Optional[Sequence[float]] = ..., mesial: Optional[Sequence[float]] = ...,

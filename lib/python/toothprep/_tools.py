@@ -82,8 +82,8 @@ def calibrate(tooth, measured, bur, *, parameters=None, rotation_rate_rev_s=None
               bias_n=None, drift_n_per_s=None, delay_ms=0.0, largest_delay_ms=50.0, sensor_rotation_deg=None,
               handpiece_weight_n=None, sensor_on="tooth", force_on="bur", force_unit="auto", range_n=None,
               lowpass_hz=0.0, noise_n=None, loss="huber", bootstrap=1000, block_s=0.0, folds=5, seed=1,
-              fit_droop=False, fit_droop_exponent=False, fit_rotor=False, smooth_motion_ms=0.0,
-              allow_gaps=False, progress=None):
+              fit_droop=False, fit_droop_exponent=False, fit_rotor=False, law=(),
+              smooth_motion_ms=0.0, allow_gaps=False, progress=None):
     """u and alpha per tissue from measured forces, with their uncertainty.
 
     tooth       the Tooth before the recordings, or its path
@@ -93,6 +93,7 @@ def calibrate(tooth, measured, bur, *, parameters=None, rotation_rate_rev_s=None
     drive       'direct': the bur's motion was recorded; 'coupled': the handle's
     estimate    what else to estimate: 'delay', 'drift', 'lowpass', 'rotation', 'weight'
     bias_n      (3,) N; None: estimated for each recording
+    law         beyond the paper's, to fit and compare: 'size', 'ratio', 'rubbing', 'size-rubbing', 'up-cutting', or 'all'
     others      as the options of `toothprep calibrate`, in the unit of their name
     progress    True for a line on stderr, or a function called as progress(stage, done)
 
@@ -110,7 +111,7 @@ def calibrate(tooth, measured, bur, *, parameters=None, rotation_rate_rev_s=None
                "sensor_on": sensor_on, "force_on": force_on, "force_unit": force_unit, "range_n": range_n,
                "lowpass_hz": lowpass_hz, "noise_n": noise_n, "loss": loss, "bootstrap": bootstrap,
                "block_s": block_s, "folds": folds, "seed": seed, "fit_droop": fit_droop,
-               "fit_droop_exponent": fit_droop_exponent, "fit_rotor": fit_rotor,
+               "fit_droop_exponent": fit_droop_exponent, "fit_rotor": fit_rotor, "law": [law] if isinstance(law, str) else list(law),
                "smooth_motion_ms": smooth_motion_ms, "allow_gaps": allow_gaps}
     loaded = tooth if isinstance(tooth, Tooth) else _core.load(tooth)
     with _hdf5_to_ourselves():

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
+#include "toothprep/step/core/errors.h"
 #include "toothprep/tools/calibrate/fit_solver.h"
 
 namespace toothprep {
@@ -351,10 +353,20 @@ const char* name_of(LawKind law) {
   return "";
 }
 
-std::optional<LawKind> law_named(const std::string& name) {
-  for (const LawKind law : kLawKinds)
-    if (name == name_of(law)) return law;
-  return {};
+std::vector<LawKind> laws_named(const std::vector<std::string>& names) {
+  std::vector<LawKind> laws;
+  for (const std::string& name : names) {
+    const auto* law = std::find_if(std::begin(kLawKinds), std::end(kLawKinds),
+                                   [&](LawKind k) { return name == name_of(k); });
+    if (name == "all")
+      laws.insert(laws.end(), std::begin(kLawKinds), std::end(kLawKinds));
+    else if (law != std::end(kLawKinds))
+      laws.push_back(*law);
+    else
+      throw Error("law is paper, size, ratio, rubbing, size-rubbing, up-cutting or all, not '" +
+                  name + "'");
+  }
+  return laws;
 }
 
 double mean_chip(const std::vector<ForceBasis>& bases) {

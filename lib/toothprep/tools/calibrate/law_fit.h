@@ -33,7 +33,8 @@ inline constexpr LawKind kLawKinds[] = {LawKind::kPaper,          LawKind::kSize
                                         LawKind::kSizeAndRubbing, LawKind::kUpCutting};
 // "paper", "size", "ratio", "rubbing", "size-rubbing", "up-cutting".
 [[nodiscard]] const char* name_of(LawKind law);
-[[nodiscard]] std::optional<LawKind> law_named(const std::string& name);
+// "all": every one. Throws Error for a name that is none.
+[[nodiscard]] std::vector<LawKind> laws_named(const std::vector<std::string>& names);
 
 struct LawParameter {        // of one tissue
   int tissue = 0;            // its index
