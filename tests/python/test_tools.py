@@ -81,7 +81,7 @@ class Tools(CommandTest):
         by_law = toothprep.calibrate("cal.vdb", "rig.h5", BUR, rotation_rate_rev_s=100, bootstrap=100, law="up-cutting")
         self.assertEqual(by_law, json.loads(self.read("law.json")))
         self.assertEqual(by_law.parameters_toml, self.read("law.toml").decode())
-        self.assertEqual([law["name"] for law in by_law["laws"]], ["paper", "up-cutting"])
+        self.assertEqual([law["law"] for law in by_law["laws"]], ["paper", "up-cutting"])
 
     def test_score_is_the_command(self):
         tooth = toothprep.molar(voxel_mm=0.2)
