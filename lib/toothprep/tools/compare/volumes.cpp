@@ -74,7 +74,8 @@ double share_below_both(const VoxelPlane& a, const VoxelPlane& b, double voxel) 
   const double along = std::abs(cosine), cube = voxel / kSub;
   double sum = 0;
   for (int n = 0; n < kSub * kSub * kSub; ++n) {
-    const Vec3 at = (Vec3(n % kSub, n / kSub % kSub, n / (kSub * kSub)).array() + 0.5) / kSub - 0.5;
+    const Index3 place(n % kSub, n / kSub % kSub, n / (kSub * kSub));
+    const Vec3 at = (place.cast<double>().array() + 0.5) / kSub - 0.5;
     const double fa = std::clamp(0.5 - (a.centre + a.slope.dot(at)) / cube, 0.0, 1.0);
     const double fb = std::clamp(0.5 - (b.centre + b.slope.dot(at)) / cube, 0.0, 1.0);
     const double parallel = cosine > 0 ? std::min(fa, fb) : std::max(fa + fb - 1, 0.0);
