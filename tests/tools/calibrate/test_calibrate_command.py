@@ -183,37 +183,36 @@ class Calibration(CommandTest):
                                  "--params", "slow.toml", "--stiffness-n-per-mm", "2.9", "-o", "other.json")
         self.assertIn("was recorded with a coupling", result.stderr)
 
-    def test_droop_from_recorded_speed(self):
+    def fitted_spindle(self, rig, handpiece, speed_noise_percent, *flags):
+        """The fit of a recording (rig) of such a drooping handpiece, and the parameter file that came out."""
         self.short_path("slow.csv", 0.8)
-        self.file("droop.toml").write_text('[step]\ntime_step_s = 0.005\n[handpiece]\nmodel = "droop"\n'
-                                           "rotation_rate_rev_s = 130\nstall_torque_mnm = 4\n")
-        self.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", "slow.csv", *self.TRUTH,
-                      "--params", "droop.toml", "--noise-percent", "2", "--speed-noise-percent", "1", "-o", "droop-rig.csv")
-        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "droop-rig.csv", *BUR, "--time-step-s", "0.005",
-                      "--fit-droop", "-o", "droop.json", "--params-out", "drooped.toml")
-        fit = self.near_truth("droop.json", 0.03)
+        self.file("spindle.toml").write_text('[step]\ntime_step_s = 0.005\n[handpiece]\nmodel = "droop"\n' + handpiece)
+        self.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", "slow.csv", *self.TRUTH, "--params",
+                    "spindle.toml", "--noise-percent", "2", "--speed-noise-percent", speed_noise_percent, "-o", rig)
+        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", rig, *BUR, "--time-step-s", "0.005", *flags,
+                    "-o", rig + ".json", "--params-out", rig + ".toml")
+        return self.near_truth(rig + ".json", 0.03), self.file(rig + ".toml").read_text()
+
+    def test_droop_from_recorded_speed(self):
+        fit, parameters = self.fitted_spindle("droop-rig.csv", "rotation_rate_rev_s = 130\nstall_torque_mnm = 4\n", "1",
+                                              "--fit-droop")
         self.assertTrue(fit["rotation_rate_recorded"])
         self.assertTrue(fit["droop"]["identifiable"])
         self.assertLess(abs(fit["droop"]["rotation_rate_rev_s"] / 130 - 1), 0.005)
         self.assertLess(abs(fit["droop"]["stall_torque_mnm"] / 4 - 1), 0.05)
-        self.assertIn('model = "droop"', self.file("drooped.toml").read_text())
+        self.assertIn('model = "droop"', parameters)
         common = ("calibrate", "--tooth", "block.vdb", *BUR, "-o", "x.json", "--fit-droop", "--measured")
         self.refused("--fit-droop", *common, "rig.h5", "--rotation-rate-rev-s", "100")
         self.refused("--fit-droop", *common, "rig.h5", "--drive", "coupled")
         self.refused("needs the speed", *common, "rig.csv")
 
     def test_exponent_and_rotor_from_recorded_speed(self):
-        self.short_path("slow.csv", 0.8)
-        self.file("rotor.toml").write_text('[step]\ntime_step_s = 0.005\n[handpiece]\nmodel = "droop"\ndroop_exponent = 2\n'
-                                           "rotation_rate_rev_s = 130\nstall_torque_mnm = 3\nrotor_inertia_g_mm2 = 1000\n")
-        self.run_ok("specimen", "measurement", "--tooth", "block.vdb", *BUR, "--trajectory", "slow.csv", *self.TRUTH,
-                      "--params", "rotor.toml", "--noise-percent", "2", "--speed-noise-percent", "0.5", "-o", "rotor-rig.h5")
-        self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", "rotor-rig.h5", *BUR, "--time-step-s", "0.005",
-                      "--fit-droop-exponent", "--fit-rotor", "-o", "rotor.json", "--params-out", "rotor-fit.toml")
-        droop = self.near_truth("rotor.json", 0.03)["droop"]
-        self.assertIn(2.0, droop["droop_exponents_like_the_best"])
-        self.assertLess(abs(droop["rotor_inertia_g_mm2"] / 1000 - 1), 0.1)
-        self.assertIn("rotor_inertia_g_mm2", self.file("rotor-fit.toml").read_text())
+        fit, parameters = self.fitted_spindle(
+            "rotor-rig.h5", "droop_exponent = 2\nrotation_rate_rev_s = 130\nstall_torque_mnm = 3\nrotor_inertia_g_mm2 = 1000\n",
+            "0.5", "--fit-droop-exponent", "--fit-rotor")
+        self.assertIn(2.0, fit["droop"]["droop_exponents_like_the_best"])
+        self.assertLess(abs(fit["droop"]["rotor_inertia_g_mm2"] / 1000 - 1), 0.1)
+        self.assertIn("rotor_inertia_g_mm2", parameters)
 
     def test_a_law_with_a_size_effect_from_recording_to_parameters_to_replay(self):
         self.short_path("slow.csv", 0.8)
