@@ -120,7 +120,7 @@ CalibrationSettings calibration_settings(const Options& o) {
   s.force = force_reading(o);
   s.coupled = o.drive == "coupled";
   s.rotation_rate_stated = o.rotation_rate.has_value();
-  s.fit_droop = o.fit_droop || o.fit_droop_exponent || o.fit_rotor;
+  s.fit_droop = o.fit_droop;
   s.fit_droop_exponent = o.fit_droop_exponent;
   s.fit_rotor = o.fit_rotor;
   s.laws = laws_named(o.laws);
@@ -192,7 +192,7 @@ void add_droop(CLI::App& sub, Options& o) {
   sub.add_flag("--fit-droop-exponent", o.fit_droop_exponent,
                "The same, and k of T = T_stall (1 - (N/N0)^k)");
   sub.add_flag("--fit-rotor", o.fit_rotor,
-               "The same as --fit-droop, and the rotor's inertia and the time that it runs down");
+               "The same as --fit-droop, and the rotor's inertia and run-down time");
 }
 
 void add_law(CLI::App& sub, Options& o) {

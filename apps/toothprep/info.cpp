@@ -375,9 +375,8 @@ void add_info(CLI::App& app, const Common&) {
                   ".off, .gz of these), or a "
                   "scan (.nrrd, .nii, .mha, ..., or a folder of DICOM)")
       ->required();
-  add_strict(
-      *sub, o->strict,
-      "a tooth that another program changed, a motion, a trace or a size that can't be meant");
+  add_strict(*sub, o->strict,
+             "a tooth that another program changed, an implausible motion, trace or size");
   sub->add_flag("--json", o->json, "As one JSON object on stdout");
   sub->footer(
       "Keys carry their unit. Always: schema, schema_version, file, file_sha256, kind. Besides:\n"

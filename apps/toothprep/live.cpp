@@ -604,8 +604,8 @@ void add_live(CLI::App& app, const Common& common) {
       "damping-sweep, wall, with their figures if you like (see toothprep rig-check)");
   sub->add_flag("--no-real-time", o->no_real_time, "Without SCHED_FIFO and locked memory");
   sub->add_flag("--strict", o->strict,
-                "Exit 1 for a tooth that another program changed (before the session), parameters "
-                "that can't be meant or an energy audit out of range (the recording stays)");
+                "Exit 1 for a tooth that another program changed (before the session), implausible "
+                "parameters or an energy audit out of range (the recording stays)");
   sub->add_flag("--json", o->json, "Figures of the ticks as JSON on stdout");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

@@ -29,7 +29,7 @@ const std::map<std::string, SurfaceOf> kSurfaces = {{"all", SurfaceOf::kAll},
                                                     {"dentin", SurfaceOf::kDentin},
                                                     {"pulp", SurfaceOf::kPulp}};
 
-// What to say of it.
+// Returns the message for the console.
 std::string make_fewer(SharpSurface& surface, double max_error_mm) {
   const std::size_t before = surface.mesh.triangles.size();
   Decimation result = decimate(surface.mesh, surface.margin, max_error_mm);
@@ -89,8 +89,8 @@ void add_mesh(CLI::App& app, const Common& common) {
       ->check(CLI::IsMember({"all", "enamel", "dentin", "pulp"}))
       ->capture_default_str();
   sub->add_option("--max-error-mm", o->max_error_mm,
-                  "Fewer triangles: the surface, the margin and the borders of tissues stay within "
-                  "so much of what is written without this option")
+                  "Decimate: surface, margin and tissue borders stay within this distance of the "
+                  "full mesh, in both directions")
       ->check(CLI::Range(kLeastMaxErrorMm, kGreatestMaxErrorMm));
   add_strict(*sub, o->strict, "a tooth that another program changed");
   sub->add_flag("--force", o->force, "Replace an existing output");

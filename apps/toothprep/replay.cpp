@@ -281,7 +281,7 @@ void add_replay(CLI::App& app, const Common& common) {
   add_strict(
       *sub, o->strict,
       "a path far from the tooth, a run that removes nothing, opens the pulp or cuts 'other',\n"
-      "inputs that can't be meant, an energy audit out of range");
+      "implausible inputs, an energy audit out of range");
   sub->add_flag("--json", o->json, "Figures of the run as JSON on stdout");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

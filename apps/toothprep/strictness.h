@@ -1,4 +1,4 @@
-// What is readable but can't be meant: warnings, which --strict makes errors.
+// What is readable but implausible: warnings, which --strict makes errors.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -79,7 +79,7 @@ CalibrationSettings settings_of(const py::dict& o) {
   s.coupled = choice_taken(o, "drive", Motion{{{"direct", false}, {"coupled", true}}});
   s.fit_droop_exponent = taken<bool>(o, "fit_droop_exponent");
   s.fit_rotor = taken<bool>(o, "fit_rotor");
-  s.fit_droop = taken<bool>(o, "fit_droop") || s.fit_droop_exponent || s.fit_rotor;
+  s.fit_droop = taken<bool>(o, "fit_droop");
   s.laws = laws_named(taken<std::vector<std::string>>(o, "law"));
   s.allow_gaps = taken<bool>(o, "allow_gaps");
   s.motion_window = taken<double>(o, "smooth_motion_ms") * 1e-3;

@@ -513,8 +513,9 @@ void bind_sessions(py::module_& m) {
       "is resampled (linear, slerp) as replay does; gaps above 0.1 s raise Error unless "
       "allow_gaps.\n\n"
       "progress: True for a line on stderr, or a function called as progress(stage, done). The GIL "
-      "is released. Ctrl-C ends the run between two steps; the session then stands there. What "
-      "can't be meant (units, speeds, the energy audit), stalls in direct drive and contact of the "
+      "is released. Ctrl-C ends the run between two steps; the session then stands there. "
+      "Implausible "
+      "values (units, speeds, the energy audit), stalls in direct drive and contact of the "
       "shank are UserWarnings, as replay warns of them.");
   type.def("finish", &SessionObject::finish,
            "Removes what is still due (removal goes by the voxel) and returns the last Record with "

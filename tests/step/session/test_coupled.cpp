@@ -311,11 +311,21 @@ TEST(Droop, TheSquareIsTheRootOfItsCubic) {
   }
 }
 
-// At k = 1 a closed form is used, otherwise a search; the search is held against the line too.
-TEST(Droop, TheSearchAgreesWithTheLinesClosedForm) {
-  for (const double share : {0.0, 0.1, 0.5, 0.99})
-    EXPECT_NEAR(last_true(0, 1, [&](double x) { return droop_power(x, 1) <= 1 - share; }),
-                1 - share, 1e-15);
+// By a closed form at k = 1, by bisection otherwise.
+TEST(Droop, TheRateAtATorqueGivesThatTorque) {
+  for (double k = 0.5; k <= 8; k += 0.5) {
+    Handpiece h = preset_parameters("physical").handpiece;
+    h.rotation_rate = 130, h.stall_torque = 1.7, h.droop_exponent = k;
+    for (const double share : {0.0, 0.1, 0.5, 0.99, 1.0}) {
+      const double rate = turning(h).rate_at(share * 1.7);
+      EXPECT_NEAR(turning(h).torque(rate), share * 1.7, 1e-12) << k << " " << share;
+      // At the stall the rate is ill-conditioned: x^k vanishes against 1.
+      if (share < 1) {
+        EXPECT_NEAR(rate, 130 * std::pow(1 - share, 1 / k), 1e-12 * 130) << k << " " << share;
+      }
+    }
+    EXPECT_EQ(turning(h).rate_at(1.7001), 0) << k;
+  }
 }
 
 TEST(Droop, WithAnExponentTheAuditHoldsAndTheForceHasItsOperatingPointOnTheCurve) {

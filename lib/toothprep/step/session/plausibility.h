@@ -1,6 +1,6 @@
-// Whether a run can be meant. A unit taken for another, a damaged sample or a quaternion in another
-// order gives figures that look like any others; what gives it away stands in the inputs (time
-// steps, speeds, extents, parameters) and in the energy audit, and is judged here.
+// Whether a run is plausible. A unit taken for another, a damaged sample or a quaternion in another
+// order gives figures that look like any others. Evidence of it in the inputs (time steps, speeds,
+// extents, parameters) and in the energy audit is judged here.
 //
 //   finding          limit                                 likely cause
 //   time_step        median of the steps above 0.1 s       milliseconds taken for seconds
@@ -47,7 +47,7 @@ enum class Implausible {  // see the table above
 
 [[nodiscard]] const char* name_of(Implausible what);  // as in the table: "time_step", ...
 
-struct Finding {      // one thing that can't be meant
+struct Finding {      // one implausibility
   Implausible what;   // the row of the table
   double value = 0;   // in the unit of the limit
   std::string text;   // what is odd, with its place

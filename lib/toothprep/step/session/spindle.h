@@ -1,10 +1,10 @@
-// What the handpiece's spindle can do in a step: the torque that it has left at a rotation rate.
+// The torque that the spindle delivers during a step, as a function of the rotation rate at its end.
 //
-// A drive gives tau_s (1 - (N/N0)^k) (droop), or up to tau_s at whatever rate a governor holds it to
-// (fixed). A rotor of inertia J adds what it gives up by slowing down, by backward Euler
-//   T(N) = T_drive(N) - 2 pi J (N - N_before) / h,
-// which with the motor off is that of the bearings, by which a free rotor stops from N0 within the
-// run-down time. It stalls when no N will do: the rotor's energy is used up as well.
+// The drive delivers tau_s (1 - (N/N0)^k) (droop), or up to tau_s below the governed rate (fixed).
+// With the motor off the bearing friction, a constant torque, stops a free rotor from N0 within the
+// run-down time. The inertia J of the rotor adds, by backward Euler,
+//   T(N) = T_drive(N) - 2 pi J (N - N_before) / h.
+// The spindle stalls when no N > 0 delivers the torque that is needed.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +23,7 @@ inline double droop_power(double x, double k) noexcept {
   return k == std::floor(k) ? power : power * std::sqrt(x);
 }
 
-// Where `falls`, which is true at `low` and false at `high`, changes: as close as doubles are.
+// The largest double in [low, high) for which `falls`, true at `low` and false at `high`, is true.
 template <typename Falls>
 double last_true(double low, double high, const Falls& falls) noexcept {
   for (;;) {
@@ -33,12 +33,11 @@ double last_true(double low, double high, const Falls& falls) noexcept {
   }
 }
 
-// What the handpiece can do in a step.
 class Spindle {
  public:
-  Spindle() = default;  // stands, and gives nothing
+  Spindle() = default;  // at rest, without torque
 
-  // `before`: the rotation rate that the last step ended with, rev/s; of no account without inertia.
+  // `before`: rotation rate at the end of the previous step, rev/s; unused without inertia.
   Spindle(const Handpiece& handpiece, bool motor_on, double before, double h) noexcept
       : motor_on_(motor_on), n0_(handpiece.rotation_rate), k_(handpiece.droop_exponent) {
     const double stall_torque = handpiece.stall_torque;
@@ -57,12 +56,12 @@ class Spindle {
 
   bool motor_on() const noexcept { return motor_on_; }
   bool turns() const noexcept { return free_rate_ > 0; }
-  // rev/s: without a load, which is the largest.
+  // Without load, rev/s: the largest rate.
   double free_rate() const noexcept { return free_rate_; }
   // Whether the rate depends on the torque.
   bool slows() const noexcept { return slows_; }
 
-  // N·mm, at a rate in rev/s.
+  // Available torque at a rate in rev/s, N·mm.
   double torque(double rate) const noexcept {
     return at_rest_ - slope_ * rate - (curved_ > 0 ? curved_ * droop_power(rate / n0_, k_) : 0);
   }

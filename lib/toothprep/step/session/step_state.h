@@ -49,7 +49,7 @@ struct StepPart {
   // sense
   HandleSample handle;                  // at the end
   Pose before;                          // of the bur
-  Spindle spindle;                      // what the handpiece can do
+  Spindle spindle;                      // torque against rotation rate
   bool turns = false;                   // the bur: the motor is on, or the rotor has not run down
   Vec3 handle_velocity = Vec3::Zero();  // mm/s, W
   Quat turned;                          // the bur's orientation at the end, if it turns

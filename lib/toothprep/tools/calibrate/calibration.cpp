@@ -51,7 +51,7 @@ bool settle_rotation_rate(const std::vector<MeasuredRecording>& recordings,
                          speed));
     return true;
   }
-  if (settings.fit_droop)
+  if (settings.fits_droop())
     throw InputError(recordings.front().name, "/rotation_rate",
                      "is missing: --fit-droop needs the speed",
                      "record it (CSV: a column rotation_rate_rev_s)");
@@ -155,7 +155,7 @@ void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
           fmt::format("{}: the recorded torque is {:.2f} of what the fitted u implies",
                       recordings[r].name, own.torque_factor));
   }
-  if (settings.fit_droop)
+  if (settings.fits_droop())
     c.fit.droop = fit_droop(motions, c.bases, c.fit,
                             {settings.fit_droop_exponent, settings.fit_rotor,
                              settings.parameters.handpiece, settings.fit.seed});
@@ -222,7 +222,7 @@ std::string droop_line(const DroopFit& droop) {
       "droop: N0 = {:.5g} +- {:.2g} rev/s, stall torque {:.4g} +- {:.2g} mN m", droop.rate.value,
       droop.rate.std, droop.stall_torque.value, droop.stall_torque.std);
   if (!droop.exponents_like_the_best.empty())
-    line += fmt::format(", exponent {:g} (the data allow {:g})", droop.exponent,
+    line += fmt::format(", exponent {:g} (not distinguishable: {:g})", droop.exponent,
                         fmt::join(droop.exponents_like_the_best, ", "));
   if (droop.inertia)
     line += fmt::format(", inertia {:.4g} +- {:.2g} g mm2", units::to_gram(droop.inertia->value),
@@ -230,7 +230,8 @@ std::string droop_line(const DroopFit& droop) {
   if (droop.run_down)
     line += fmt::format(", runs down in {:.4g} +- {:.2g} s", droop.run_down->value,
                         droop.run_down->std);
-  if (!droop.inertia_why_not.empty()) line += "; inertia not known: " + droop.inertia_why_not;
+  if (!droop.inertia_why_not.empty())
+    line += "; inertia not identifiable: " + droop.inertia_why_not;
   return line;
 }
 
@@ -247,7 +248,7 @@ std::string adequacy_line(const FitResult& fit) {
       worst->factor, worst->of, worst->low, worst->high);
 }
 
-// What can't be meant of the fitted values or the recorded speed; what the settings said of
+// What is implausible about the fitted values or the recorded speed; what the settings said of
 // themselves was judged before.
 void warn_of_implausible(const Parameters& before, CalibrationResult& c) {
   std::vector<std::string> known;
@@ -291,7 +292,7 @@ std::vector<MeasuredRecording> read_recordings(const std::vector<std::string>& f
 }
 
 void check_settings(const CalibrationSettings& settings) {
-  if (settings.fit_droop && settings.rotation_rate_stated)
+  if (settings.fits_droop() && settings.rotation_rate_stated)
     throw Error(
         "--fit-droop takes the rotation rate from the recordings: leave --rotation-rate-rev-s "
         "away");
@@ -303,7 +304,7 @@ void check_settings(const CalibrationSettings& settings) {
     throw Error(
         "--law needs the bur's own motion (--drive direct): on a coupled rig the law changes the "
         "motion too");
-  if (settings.fit_droop && settings.coupled)
+  if (settings.fits_droop() && settings.coupled)
     throw Error(
         "--fit-droop needs the bur's own motion (--drive direct): on a coupled rig the droop "
         "changes the motion too");

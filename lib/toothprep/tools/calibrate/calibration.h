@@ -21,11 +21,14 @@ struct CalibrationSettings {          // what the options of `toothprep calibrat
   bool coupled = false;               // the handle's motion was recorded, not the bur's
   bool rotation_rate_stated = false;  // parameters' rotation rate wins over a recorded speed
   bool fit_droop = false;             // of an imposed motion, from the recorded speed
-  bool fit_droop_exponent = false;    // with the droop
-  bool fit_rotor = false;             // with the droop: inertia, and the time that it runs down
+  bool fit_droop_exponent = false;    // the droop with its exponent
+  bool fit_rotor = false;             // the droop with the rotor's inertia and run-down time
   std::vector<LawKind> laws;          // to be fitted beside the paper's; of an imposed motion
   bool allow_gaps = false;            // interpolate gaps above 0.1 s in the motion
   double motion_window = 0;           // s, of a local quadratic through the motion; 0: none
+
+  // Whether the droop is fitted, with or without exponent and rotor.
+  [[nodiscard]] bool fits_droop() const { return fit_droop || fit_droop_exponent || fit_rotor; }
 };
 
 // What a caller may want to know while it runs; each may be empty.

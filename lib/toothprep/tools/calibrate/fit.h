@@ -91,11 +91,11 @@ struct DroopFit {
   double residual_rms = 0;    // rev/s
   double largest_fall = 0;    // of the speed, as a share of N0 (99 % quantile)
   double exponent = 1;        // k
-  // If k was fitted: those that the recording can't tell from the best, which is among them.
+  // If k was fitted: the exponents that the recordings do not distinguish from it, and k itself.
   std::vector<double> exponents_like_the_best;
-  std::optional<Estimate> inertia;   // J, t·mm², if it was fitted and can be told
-  std::optional<Estimate> run_down;  // s, likewise
-  std::string inertia_why_not;       // if it can't
+  std::optional<Estimate> inertia;   // J, t·mm²; if fitted and identifiable
+  std::optional<Estimate> run_down;  // s; likewise
+  std::string inertia_why_not;       // if fitted and not identifiable
 };
 
 struct RecordingFit {                                 // of one recording

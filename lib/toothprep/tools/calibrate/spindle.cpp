@@ -25,7 +25,7 @@ constexpr double kNudge = 1e-4;         // of the logarithms, for derivatives
 constexpr double kSettled = 1e-7;       // of the logarithms
 constexpr double kExponents[] = {1, 0.5, 1.5, 2, 2.5, 3, 4, 5, 6, 8};
 constexpr double kTimeConstants[] = {0.02, 0.1, 0.5, 2};  // s, 2 pi J N0 / tau_s to start from
-constexpr int kFirstSpeeds = 5;                           // whose median a recording starts with
+constexpr int kFirstSpeeds = 5;                           // whose median is the initial speed
 constexpr std::size_t kLeastRunDown = 20;                 // samples with the motor off
 
 // A step of a recording, with the load that the fit's model puts on the spindle.
@@ -33,17 +33,21 @@ struct Row {
   double speed = 0, load = 0;  // N, c
   PerTissue<double> by_u{};    // dc/du_k
   bool pedal = false;
-  bool counts = false;          // towards the fit
-  bool stands = false;          // its speed is taken as it was recorded
-  double start = std::nan("");  // of a recording's first row: the speed before
+  bool fitted = false;   // included in the fit
+  bool stalled = false;  // the recorded speed is used as it is
+};
+
+struct Recording {
+  std::size_t begin = 0, end = 0;  // its rows
+  double initial_speed = 0;        // rev/s, before them
 };
 
 struct Samples {
   std::vector<Row> rows;
-  std::vector<std::size_t> starts;  // of each recording
-  std::size_t counted = 0, running_down = 0;
-  double step = 0;                  // s
-  double load = 0, known_load = 0;  // sums: in all, and of tissues whose u is known
+  std::vector<Recording> recordings;
+  std::size_t fitted = 0, running_down = 0;  // numbers of rows
+  double step = 0;                           // s
+  double load = 0, known_load = 0;           // sums: in all, and of tissues whose u is known
 };
 
 Samples samples_of(const std::vector<RecordedMotion>& motions, const std::vector<ForceBasis>& bases,
@@ -53,21 +57,18 @@ Samples samples_of(const std::vector<RecordedMotion>& motions, const std::vector
   for (std::size_t r = 0; r < motions.size(); ++r) {
     const auto& [path, spindle] = motions[r];
     if (spindle.rate.empty()) continue;
-    samples.starts.push_back(samples.rows.size());
+    const auto first = spindle.rate.begin();
+    const auto few = std::min<std::ptrdiff_t>(kFirstSpeeds, std::ssize(spindle.rate));
+    samples.recordings.push_back({samples.rows.size(), samples.rows.size() + path.size() - 1,
+                                  quantile(std::vector<double>(first, first + few), 0.5)});
     samples.step = bases[r].step;
     for (std::size_t i = 1; i < path.size(); ++i) {
       Row row;
       row.speed = spindle.rate[i];
       row.pedal = path[i].buttons & kPedalButton;
-      row.stands = !(row.speed > 0) || (!spindle.stalled.empty() && spindle.stalled[i]);
-      row.counts = row.pedal && !row.stands;
-      if (i == 1)
-        row.start = quantile(
-            std::vector<double>(spindle.rate.begin(),
-                                spindle.rate.begin() + std::min<std::ptrdiff_t>(
-                                                           kFirstSpeeds, std::ssize(spindle.rate))),
-            0.5);
-      for (int k = 0; k < kTissueCount && row.counts; ++k) {
+      row.stalled = !(row.speed > 0) || (!spindle.stalled.empty() && spindle.stalled[i]);
+      row.fitted = row.pedal && !row.stalled;
+      for (int k = 0; k < kTissueCount && row.fitted; ++k) {
         if (!bases[r].touched(k)) continue;
         row.by_u[k] = bases[r].tissue[k].torque[i] * spindle.rate[i];
         const double load = tissue[k].specific_energy * row.by_u[k];
@@ -75,41 +76,44 @@ Samples samples_of(const std::vector<RecordedMotion>& motions, const std::vector
         samples.load += load;
         if (fit.tissue[k].identifiable) samples.known_load += load;
       }
-      samples.counted += row.counts ? 1 : 0;
+      samples.fitted += row.fitted ? 1 : 0;
       samples.rows.push_back(row);
     }
   }
   return samples;
 }
 
-// With a rotor the rows in which it runs down, the motor off, count as well.
-void count_run_down(Samples& samples, double rate) {
+// With a rotor also the rows in which it runs down, the motor off.
+void include_run_down(Samples& samples, double rate) {
   for (Row& row : samples.rows)
     if (!row.pedal && row.speed > 0.05 * rate && row.speed < 0.95 * rate) {
-      row.counts = true;
-      ++samples.counted, ++samples.running_down;
+      row.fitted = true;
+      ++samples.fitted, ++samples.running_down;
     }
+}
+
+// The speed after a step of a row.
+double speed_after(const Handpiece& handpiece, const Row& row, double load, double before,
+                   double step) {
+  if (row.stalled) return row.speed;
+  const Spindle spindle(handpiece, row.pedal, before, step);
+  if (!(load > 0) || !spindle.turns()) return spindle.free_rate();
+  const double rate = spindle.rate_with(load);
+  // Overloaded: with inertia it stops, without it its last operating point is used.
+  return rate == 0 && handpiece.rotor_inertia == 0 ? spindle.rate_of_greatest_power() : rate;
 }
 
 // The spindle's speed in every row, step by step; `more` is added to u of `tissue`.
 std::vector<double> speeds(const Handpiece& handpiece, const Samples& samples, int tissue = 0,
                            double more = 0) {
   std::vector<double> speed(samples.rows.size());
-  double before = 0;
-  for (std::size_t i = 0; i < samples.rows.size(); ++i) {
-    const Row& row = samples.rows[i];
-    if (std::isfinite(row.start)) before = row.start;
-    if (row.stands) {
-      before = speed[i] = row.speed;
-      continue;
+  for (const Recording& recording : samples.recordings) {
+    double before = recording.initial_speed;
+    for (std::size_t i = recording.begin; i < recording.end; ++i) {
+      const Row& row = samples.rows[i];
+      const double load = row.load + more * row.by_u[tissue];
+      before = speed[i] = speed_after(handpiece, row, load, before, samples.step);
     }
-    const Spindle spindle(handpiece, row.pedal, before, samples.step);
-    const double load = row.load + more * row.by_u[tissue];
-    speed[i] = load > 0 && spindle.turns() ? spindle.rate_with(load) : spindle.free_rate();
-    // A load beyond what it gives: without inertia its last operating point, with it it stands.
-    if (speed[i] == 0 && handpiece.rotor_inertia == 0 && row.pedal)
-      speed[i] = spindle.rate_of_greatest_power();
-    before = speed[i];
   }
   return speed;
 }
@@ -160,7 +164,7 @@ double residual(const Samples& samples, const std::vector<double>& speed, std::s
 double robust_scale(const Samples& samples, const std::vector<double>& speed) {
   std::vector<double> size;
   for (std::size_t i = 0; i < speed.size(); ++i)
-    if (samples.rows[i].counts) size.push_back(std::abs(residual(samples, speed, i)));
+    if (samples.rows[i].fitted) size.push_back(std::abs(residual(samples, speed, i)));
   return kSigmaOfMedian * quantile(std::move(size), 0.5);
 }
 
@@ -168,7 +172,7 @@ double loss(const Samples& samples, const std::vector<double>& speed, double sca
             std::size_t begin, std::size_t end) {
   double sum = 0;
   for (std::size_t i = begin; i < end; ++i)
-    if (samples.rows[i].counts)
+    if (samples.rows[i].fitted)
       sum += loss_at(RobustLoss::kHuber, residual(samples, speed, i) / scale).rho;
   return sum;
 }
@@ -183,7 +187,7 @@ Sums sums_of(const Model& model, const Samples& samples, const std::vector<doubl
   const Eigen::Index beside = by.cols() - own;
   Sums sums{Eigen::MatrixXd::Zero(own, own), Eigen::MatrixXd::Zero(own, 1 + beside)};
   for (std::size_t i = begin; i < end; ++i) {
-    if (!samples.rows[i].counts) continue;
+    if (!samples.rows[i].fitted) continue;
     const LossAt at = loss_at(RobustLoss::kHuber, residual(samples, speed, i) / model.scale);
     const Eigen::VectorXd row = by.row(static_cast<Eigen::Index>(i)).transpose() / model.scale;
     sums.H += at.slope * row.head(own) * row.head(own).transpose();
@@ -194,15 +198,16 @@ Sums sums_of(const Model& model, const Samples& samples, const std::vector<doubl
   return sums;
 }
 
-// Slope of the straight line through N over T.
-double slope_of(const Samples& samples) {
-  double t = 0, n = 0, tt = 0, tn = 0, count = 0;
-  for (const Row& s : samples.rows) {
-    if (!s.counts) continue;
-    const double torque = s.load / s.speed;
-    t += torque, n += s.speed, tt += torque * torque, tn += torque * s.speed, ++count;
+// Slope of the straight line of N over T through N0 at T = 0. (Rows of a spin-up, without torque,
+// have no weight in it.)
+double slope_of(const Samples& samples, double free_rate) {
+  double tt = 0, tn = 0;
+  for (const Row& row : samples.rows) {
+    if (!row.fitted) continue;
+    const double torque = row.load / row.speed;
+    tt += torque * torque, tn += torque * (row.speed - free_rate);
   }
-  return (tn - t * n / count) / std::max(tt - t * t / count, 1e-300);
+  return tn / std::max(tt, 1e-300);
 }
 
 // Gauss and Newton from a first guess. A step that doesn't lower the loss is halved.
@@ -225,29 +230,26 @@ Model fitted(Model model, const Samples& samples) {
   return model;
 }
 
-// Pieces of the recordings that are longer than the residuals' correlation.
+// The recordings divided into blocks longer than the residuals' correlation time.
 struct Piece {
   std::size_t begin, end;
 };
 std::vector<Piece> pieces_of(const Samples& samples, const std::vector<double>& speed) {
   std::vector<double> rest;
   for (std::size_t i = 0; i < speed.size(); ++i)
-    if (samples.rows[i].counts) rest.push_back(residual(samples, speed, i));
+    if (samples.rows[i].fitted) rest.push_back(residual(samples, speed, i));
   const double step = samples.step, duration = static_cast<double>(rest.size()) * step;
   const double block =
       std::clamp(10 * correlation_time(rest, step), 20 * step, std::max(20 * step, duration / 30));
   const auto length = static_cast<std::size_t>(block / step);
   std::vector<Piece> pieces;
-  for (std::size_t r = 0; r < samples.starts.size(); ++r) {
-    const std::size_t last =
-        r + 1 < samples.starts.size() ? samples.starts[r + 1] : samples.rows.size();
-    for (std::size_t begin = samples.starts[r]; begin < last; begin += length)
-      pieces.push_back({begin, std::min(begin + length, last)});
-  }
+  for (const Recording& r : samples.recordings)
+    for (std::size_t begin = r.begin; begin < r.end; begin += length)
+      pieces.push_back({begin, std::min(begin + length, r.end)});
   return pieces;
 }
 
-// Of the fields' logarithms: the pieces drawn anew, each time with a draw of u.
+// Of the fields' logarithms, by block bootstrap, each replicate with a draw of u.
 Eigen::MatrixXd covariance_of(const Model& model, const Samples& samples,
                               const std::vector<double>& speed, const std::vector<Piece>& pieces,
                               const FitResult& fit, std::uint64_t seed) {
@@ -281,8 +283,9 @@ Eigen::MatrixXd covariance_of(const Model& model, const Samples& samples,
   return covariance;
 }
 
-// The fits with each exponent, that of least loss first. Behind it in `alike` those whose loss
-// isn't above it by more than twice what its pieces scatter.
+// The fit with the exponent of least loss, and the exponents that the recordings do not distinguish
+// from it: their loss exceeds the least by no more than two standard errors of the difference, which
+// is estimated from the blocks.
 struct Exponents {
   Model best;
   std::vector<double> alike;
@@ -321,24 +324,34 @@ Exponents with_exponents(const Model& start, const Samples& samples) {
   return result;
 }
 
-// From the time constant of least loss.
+// The time in which a rotor stops from the given rate, from the slope of the recorded run-downs.
+double recorded_run_down(const Samples& samples, double rate) {
+  double fall = 0, duration = 0;
+  for (const Recording& r : samples.recordings)
+    for (std::size_t i = r.begin + 1; i < r.end; ++i) {
+      const Row &last = samples.rows[i - 1], &row = samples.rows[i];
+      if (!row.fitted || row.pedal || !last.fitted || last.pedal) continue;
+      fall += last.speed - row.speed;
+      duration += samples.step;
+    }
+  return fall > 0 ? rate * duration / fall : 1;
+}
+
+// Starting from the time constant of least loss.
 Model with_rotor(Model model, const Samples& samples) {
-  const std::vector<double> run_downs = samples.running_down < kLeastRunDown
-                                            ? std::vector<double>{model.handpiece.run_down}
-                                            : std::vector<double>{0.1, 0.5, 2, 8};
+  const bool runs_down = samples.running_down >= kLeastRunDown;
+  Handpiece& h = model.handpiece;
+  if (runs_down) h.run_down = recorded_run_down(samples, h.rotation_rate);
   Model best = model;
   double least = std::numeric_limits<double>::infinity();
-  const double scale = 0.02 * model.handpiece.rotation_rate;
-  for (const double constant : kTimeConstants)
-    for (const double run_down : run_downs) {
-      Handpiece& h = model.handpiece;
-      h.rotor_inertia = constant * h.stall_torque / (2 * units::kPi * h.rotation_rate);
-      h.run_down = run_down;
-      const double at = loss(samples, speeds(h, samples), scale, 0, samples.rows.size());
-      if (at < least) least = at, best = model;
-    }
+  const double scale = 0.02 * h.rotation_rate;
+  for (const double constant : kTimeConstants) {
+    h.rotor_inertia = constant * h.stall_torque / (2 * units::kPi * h.rotation_rate);
+    const double at = loss(samples, speeds(h, samples), scale, 0, samples.rows.size());
+    if (at < least) least = at, best = model;
+  }
   best.fields.push_back(&Handpiece::rotor_inertia);
-  if (samples.running_down >= kLeastRunDown) best.fields.push_back(&Handpiece::run_down);
+  if (runs_down) best.fields.push_back(&Handpiece::run_down);
   return fitted(best, samples);
 }
 
@@ -353,7 +366,7 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
                    const FitResult& fit, const DroopOptions& options) {
   DroopFit result;
   Samples samples = samples_of(motions, bases, fit);
-  if (samples.counted < 100) {
+  if (samples.fitted < 100) {
     result.why_not = "no speed was recorded";
     return result;
   }
@@ -364,8 +377,8 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
   }
   std::vector<double> recorded;
   for (const Row& row : samples.rows)
-    if (row.counts) recorded.push_back(row.speed);
-  const double guess = quantile(recorded, 0.9), slope = slope_of(samples);
+    if (row.fitted) recorded.push_back(row.speed);
+  const double guess = quantile(recorded, 0.9), slope = slope_of(samples, guess);
   result.largest_fall = 1 - quantile(std::move(recorded), 0.01) / guess;
   if (!(slope < 0)) {
     result.why_not = "the recorded speed doesn't fall with the torque";
@@ -376,7 +389,7 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
   model.handpiece.rotation_rate = guess;
   model.handpiece.stall_torque = guess / -slope;
   if (options.rotor) {
-    count_run_down(samples, guess);
+    include_run_down(samples, guess);
     model = with_rotor(model, samples);
   } else {
     model = fitted(model, samples);
@@ -390,8 +403,8 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
   const std::vector<double> speed = speeds(model.handpiece, samples);
   double square = 0;
   for (std::size_t i = 0; i < speed.size(); ++i)
-    if (samples.rows[i].counts) square += std::pow(residual(samples, speed, i), 2);
-  result.residual_rms = std::sqrt(square / static_cast<double>(samples.counted));
+    if (samples.rows[i].fitted) square += std::pow(residual(samples, speed, i), 2);
+  result.residual_rms = std::sqrt(square / static_cast<double>(samples.fitted));
   const std::vector<Piece> pieces = pieces_of(samples, speed);
   const Eigen::MatrixXd covariance =
       covariance_of(model, samples, speed, pieces, fit, options.seed);
@@ -418,8 +431,8 @@ DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector
     if (std.size() > 3) result.run_down = put(3);
   } else if (options.rotor) {
     result.inertia_why_not = fmt::format(
-        "the speed follows the torque too soon, or hardly changes: the inertia is known to {:.0f} "
-        "%",
+        "the speed follows the torque too quickly, or hardly changes: the relative "
+        "uncertainty of the inertia is {:.0f} %",
         std::min(100 * std[2], 999.0));
   }
   return result;

@@ -15,11 +15,11 @@
 //
 //   2 pi J dN/dt = T_drive(N) - c / N
 //
-// is followed step by step as the session does (step/session/spindle.h), from the recorded speed at
-// the start of each recording; with the motor off it runs down evenly. Least squares with Huber's
-// loss, by the logarithms; the uncertainty from blocks of the residuals drawn anew, together with
-// the fit's draws of u (tau_s goes with u). The exponent is looked for among 0.5, 1, ... 8. Valid
-// below the greatest power, where an imposed feed collapses.
+// is integrated step by step as in the session (step/session/spindle.h), from the recorded speed at
+// the start of each recording; with the motor off the speed falls linearly. Least squares with
+// Huber's loss in the logarithms of the parameters; uncertainties by a block bootstrap of the
+// residuals together with the fit's draws of u (tau_s is proportional to u). The exponent is
+// selected from 0.5, 1, ... 8. Valid below the greatest power, where an imposed feed collapses.
 #pragma once
 
 #include "toothprep/tools/calibrate/fit.h"
@@ -27,16 +27,16 @@
 namespace toothprep {
 
 struct DroopOptions {
-  bool exponent = false;  // to be fitted; otherwise the handpiece's
-  bool rotor = false;     // inertia and, with the motor off somewhere, the run-down time, likewise
-  Handpiece handpiece;    // what isn't fitted
+  bool exponent = false;  // fit the droop's exponent
+  bool rotor = false;     // fit the inertia and, if the recordings have a run-down, its time
+  Handpiece handpiece;    // values of what is not fitted
   std::uint64_t seed = 1;
 };
 
 // `motions` and their `bases` as they were fitted, with recorded speeds. Not identifiable, with a
 // reason, if no recording has a speed, if it doesn't fall with the torque, if tau_s isn't known to
-// 25 %, or if most of the torque comes from tissue whose u isn't known. Inertia that isn't known to
-// 50 % is left out, with a reason.
+// 25 %, or if most of the torque comes from tissue whose u isn't known. An inertia with a relative
+// standard deviation above 50 % is omitted, with the reason.
 DroopFit fit_droop(const std::vector<RecordedMotion>& motions, const std::vector<ForceBasis>& bases,
                    const FitResult& fit, const DroopOptions& options);
 

@@ -47,7 +47,7 @@ struct BrickView {
   }
 };
 
-// Where two planes divide a voxel: cubes, kSub of them along each edge, are divided on their own.
+// Subdivision of a voxel that two planes cross, per edge.
 constexpr int kSub = 4;
 
 // A level set as a plane within a voxel: its value at the centre, its slope.
@@ -66,9 +66,9 @@ struct VoxelPlane {
   }
 };
 
-// The share of a voxel below both planes. In each cube the share below both is the smaller one where
-// the planes face the same way, what both have too much where they face each other, the product
-// where they stand across, and in between by the cosine.
+// The volume fraction of a voxel below both planes, summed over its subcubes. With the fractions a
+// and b below each plane it is min(a, b) for parallel normals, max(0, a + b - 1) for antiparallel
+// ones and a b for perpendicular ones, exactly; in between interpolated by the cosine of the angle.
 double share_below_both(const VoxelPlane& a, const VoxelPlane& b, double voxel) {
   const double cosine = a.slope.dot(b.slope) / std::max(a.slope.norm() * b.slope.norm(), 1e-12);
   const double along = std::abs(cosine), cube = voxel / kSub;
@@ -173,19 +173,19 @@ class Comparison {
     if (rest > 1e-6 && is_other_or_beside(original_.tissue, i)) sums[r][4] += rest;
   }
 
-  // What is left of the original's tissues where a cut passes through a voxel that was all tooth:
-  // the level sets of remaining tissues are the larger of border and cut, which has half of a voxel
-  // at both borders too much in a sliver between them.
+  // Remaining tissue fractions in a voxel that the tooth filled and the cut crosses. The level sets
+  // of remaining tissues, max(border, cut), overestimate a layer thinner than a voxel between border
+  // and cut.
   Fractions left_of(const Fractions& o, const Fractions& own, const LevelSet& solid,
                     const Index3& i) const {
     if (o[0] < 1 || own[0] <= 0 || own[0] >= 1) return own;
+    const VoxelPlane cut(solid, i);
     Fractions left = own;
     double sum = 0, before = 0;
     for (std::size_t k = 1; k < 4; ++k) {
       left[k] = o[k] <= 0   ? 0
                 : o[k] >= 1 ? own[0]
-                            : share_below_both(VoxelPlane(level_set(original_, k), i),
-                                               VoxelPlane(solid, i), voxel_);
+                            : share_below_both(VoxelPlane(level_set(original_, k), i), cut, voxel_);
       sum += left[k];
       before += o[k];
     }

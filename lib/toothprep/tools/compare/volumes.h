@@ -15,10 +15,10 @@
 // "Over-prepared" is what was removed and still stands in the target; "under-prepared" what the
 // target has removed and still stands.
 //
-// Tissues. Where a cut passes through a voxel that was all tooth, what is left of a tissue is the
-// share of the voxel below two planes, the original's border and the cut (4³ cubes, each by the
-// angle between the planes), scaled to sum to f_p: min of the two fractions would leave half of
-// both in a sliver between them.
+// Tissues. In a voxel that the original tooth filled and the cut crosses, the remaining fraction of a
+// tissue is the volume below two planes, the original's tissue border and the cut (4³ subcubes),
+// scaled so that the tissues sum to f_p. The minimum of the two fractions would overestimate layers
+// thinner than a voxel between border and cut.
 //
 // Accuracy. Unbiased for planes at any height and angle; along an edge of two walls the smaller
 // fraction is taken instead of the product, D²/12 per mm of edge (on the mean over positions) too

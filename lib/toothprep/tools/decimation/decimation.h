@@ -10,10 +10,11 @@
 //     within E of all the vertices that it replaces, so both lines are within E of one another;
 //   - triangles whose vertices are of different tissues stay as they are, so borders of tissues
 //     do not move at all.
-// These make the bound likely, not certain. So it is then measured, both ways and completely
-// (surface_distance.h), on the vertices in single precision as they are written; so are
-// intersections. Where the result fails, the distance allowed there is made less, and all is done
-// again, eight times at most; then, or if an edge has no length, the given mesh is the result.
+// These do not guarantee the bound. It is therefore verified afterwards in both directions, over the
+// whole surfaces (surface_distance.h) and with the vertices in single precision as written; so is
+// the absence of self-intersections. Where verification fails the tolerance is reduced locally and
+// the decimation repeated, at most eight times; after that, or if the given mesh has an edge of zero
+// length, the given mesh is returned.
 #pragma once
 
 #include <array>

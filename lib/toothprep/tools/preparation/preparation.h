@@ -76,7 +76,7 @@ struct PreparationFrame {      // the form's own directions
 struct Preparation {                                      // all that was measured
   Quantities quantities;                                  // keys as in score.json
   std::vector<Section> sections;                          // for drawings
-  std::vector<AbsentQuantity> absent;                     // what the original can't tell
+  std::vector<AbsentQuantity> absent;                     // not defined for this original
   std::vector<std::string> notes;                         // what a reader must know of the figures
   PreparationFrame frame;                                 // in which it was measured
   Vec3 path_of_draw = Vec3::UnitZ();                      // unit, W: the best path found

@@ -29,10 +29,11 @@ using Quantities = std::vector<Quantity>;
   return nullptr;
 }
 
-// A quantity that can't be told since the inputs haven't got what it is about.
+// A quantity that is not defined for these inputs, such as the distance to a pulp that the tooth
+// file does not contain.
 struct AbsentQuantity {
-  std::string key;  // as in score.json
-  std::string why;  // half a sentence: "the original has no pulp"
+  std::string key;     // as in score.json
+  std::string reason;  // "the original has no pulp"
 };
 
 }  // namespace toothprep

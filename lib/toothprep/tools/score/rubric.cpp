@@ -224,7 +224,7 @@ CriterionOutcome judge_criterion(const Criterion& c, const Quantities& quantitie
     const auto a = std::find_if(absent.begin(), absent.end(),
                                 [&](const AbsentQuantity& q) { return q.key == c.key; });
     if (a != absent.end()) {
-      r.reason = c.name + " is not judged: " + a->why + "; its weight is left out";
+      r.reason = c.name + " is not judged: " + a->reason + "; its weight is left out";
     } else if (c.required) {
       r.of = c.weight;
       r.verdict = CriterionVerdict::kOutside;

@@ -85,7 +85,7 @@ struct RubricResult {                                      // of the whole
   std::vector<std::string> notes;         // what a reader must know
 };
 
-// Values that are not finite count as missing. What is `absent` from the inputs is not judged,
+// Values that are not finite count as missing. Quantities in `absent` are not judged,
 // required or not.
 [[nodiscard]] RubricResult judge(const Rubric& rubric, const Quantities& quantities,
                                  const std::vector<AbsentQuantity>& absent = {});

@@ -44,9 +44,9 @@ struct ScoreSheet {                      // what score.json holds
       other_options;                   // key, value; written as they are
   Quantities quantities;               // keys are unique
   std::optional<RubricResult> result;  // nothing: no rubric
-  std::vector<AbsentQuantity> absent;  // what the inputs can't tell
+  std::vector<AbsentQuantity> absent;  // not defined for these inputs
   std::vector<std::string> notes;      // remarks; the rubric's own are added
-  std::vector<std::string> warnings;   // of inputs that can be read but not be meant
+  std::vector<std::string> warnings;   // of implausible inputs
 };
 
 // The file's text. Same sheet, same text. Throws Error if two quantities have the same key, one is
