@@ -191,11 +191,12 @@ class Calibration(CommandTest):
                     "spindle.toml", "--noise-percent", "2", "--speed-noise-percent", speed_noise_percent, "-o", rig)
         self.run_ok("calibrate", "--tooth", "block.vdb", "--measured", rig, *BUR, "--time-step-s", "0.005", *flags,
                     "-o", rig + ".json", "--params-out", rig + ".toml")
-        return self.near_truth(rig + ".json", 0.03), self.file(rig + ".toml").read_text()
+        return json.loads(self.file(rig + ".json").read_text()), self.file(rig + ".toml").read_text()
 
     def test_droop_from_recorded_speed(self):
         fit, parameters = self.fitted_spindle("droop-rig.csv", "rotation_rate_rev_s = 130\nstall_torque_mnm = 4\n", "1",
                                               "--fit-droop")
+        self.near_truth("droop-rig.csv.json", 0.03)
         self.assertTrue(fit["rotation_rate_recorded"])
         self.assertTrue(fit["droop"]["identifiable"])
         self.assertLess(abs(fit["droop"]["rotation_rate_rev_s"] / 130 - 1), 0.005)
@@ -206,13 +207,24 @@ class Calibration(CommandTest):
         self.refused("--fit-droop", *common, "rig.h5", "--drive", "coupled")
         self.refused("needs the speed", *common, "rig.csv")
 
+    ROTOR = "droop_exponent = 2\nrotation_rate_rev_s = 130\nstall_torque_mnm = 3\nrotor_inertia_g_mm2 = 1000\n"
+
     def test_exponent_and_rotor_from_recorded_speed(self):
-        fit, parameters = self.fitted_spindle(
-            "rotor-rig.h5", "droop_exponent = 2\nrotation_rate_rev_s = 130\nstall_torque_mnm = 3\nrotor_inertia_g_mm2 = 1000\n",
-            "0.5", "--fit-droop-exponent", "--fit-rotor")
+        fit, parameters = self.fitted_spindle("rotor-rig.h5", self.ROTOR, "1", "--fit-droop-exponent", "--fit-rotor",
+                                              "--law", "size")
+        self.near_truth("rotor-rig.h5.json", 0.03)
         self.assertIn(2.0, fit["droop"]["droop_exponents_like_the_best"])
         self.assertLess(abs(fit["droop"]["rotor_inertia_g_mm2"] / 1000 - 1), 0.1)
+        self.assertEqual(fit["best_law"], "paper")  # noise of the speed is no law
         self.assertIn("rotor_inertia_g_mm2", parameters)
+
+    def test_parameters_of_another_law_have_the_handpiece_too(self):
+        law = "".join(f"[tissue.{name}]\nreference_chip_um = 5\nsize_exponent = 0.4\n" for name in ("enamel", "dentin"))
+        fit, parameters = self.fitted_spindle("both-rig.h5", self.ROTOR + law, "0.5", "--fit-droop-exponent", "--fit-rotor",
+                                              "--law", "size")
+        self.assertEqual(fit["best_law"], "size")
+        self.assertRegex(parameters, "(?m)^size_exponent = ")
+        self.assertRegex(parameters, "(?m)^rotor_inertia_g_mm2 = ")
 
     def test_a_law_with_a_size_effect_from_recording_to_parameters_to_replay(self):
         self.short_path("slow.csv", 0.8)

@@ -170,6 +170,8 @@ void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
   };
   c.laws = compare_laws(bur, tooth, c.parameters, motions, c.bases, compare_with, c.fit,
                         settings.fit, settings.laws, listener.say);
+  // The spindle's torque is that of the paper's law, whichever is selected.
+  for (LawFit& law : c.laws->laws) law.fit.droop = c.fit.droop;
 }
 
 void fit_handle(const Bur& bur, const LayeredTooth& tooth,

@@ -304,22 +304,32 @@ std::string parameter_text(const LawParameter& p) {
                      p.identifiable ? "" : " (not identifiable)");
 }
 
-// Of the laws that are as good as the one of the least criterion, that with the fewest parameters.
+// Selected is, of the laws whose criterion is about as low as the lowest, the one with the fewest
+// parameters. A law that predicts worse than the paper's, left-out parts of the recordings, is not
+// selected however well it fits: the criterion takes the residuals for noise, and errors of the
+// recorded motion or speed are none.
 void judge(LawComparison& c) {
+  const double paper = c.laws.front().fit.validation_rms;
+  const auto predicts = [&](const LawFit& l) { return !(l.fit.validation_rms > paper); };
   double least = 0;
-  for (const LawFit& l : c.laws) least = std::min(least, l.criterion);
+  for (const LawFit& l : c.laws)
+    if (predicts(l)) least = std::min(least, l.criterion);
+  const auto about_as_good = [&](const LawFit& l) {
+    return predicts(l) && l.criterion < least + kSameCriterion;
+  };
   for (std::size_t i = 0; i < c.laws.size(); ++i) {
     const LawFit &own = c.laws[i], &so_far = c.laws[c.best];
-    if (own.criterion >= least + kSameCriterion) continue;
-    if (so_far.criterion >= least + kSameCriterion ||
-        own.parameters.size() < so_far.parameters.size() ||
+    if (!about_as_good(own)) continue;
+    if (!about_as_good(so_far) || own.parameters.size() < so_far.parameters.size() ||
         (own.parameters.size() == so_far.parameters.size() && own.criterion < so_far.criterion))
       c.best = i;
   }
   const LawFit& best = c.laws[c.best];
-  for (const LawFit& l : c.laws)
-    if (l.law != best.law && l.criterion < least + kSameCriterion)
-      c.like_the_best.emplace_back(name_of(l.law));
+  std::vector<std::string> worse;
+  for (const LawFit& l : c.laws) {
+    if (l.law != best.law && about_as_good(l)) c.like_the_best.emplace_back(name_of(l.law));
+    if (!predicts(l) && l.criterion < least - kSameCriterion) worse.emplace_back(name_of(l.law));
+  }
   c.verdict =
       best.law == LawKind::kPaper
           ? "no law explains more than the paper's"
@@ -327,8 +337,10 @@ void judge(LawComparison& c) {
                         name_of(best.law), best.fit.validation_rms,
                         c.laws.front().fit.validation_rms);
   if (!c.like_the_best.empty())
+    c.verdict += fmt::format("; not distinguishable from it: {}", fmt::join(c.like_the_best, ", "));
+  if (!worse.empty())
     c.verdict +=
-        fmt::format("; these recordings can't tell it from: {}", fmt::join(c.like_the_best, ", "));
+        fmt::format("; fit better but predict worse than the paper's: {}", fmt::join(worse, ", "));
   if (!best.fit.constant_suffices)
     c.verdict += "; it does not suffice: parts of the recordings are off by more than 5 %";
 }

@@ -62,8 +62,8 @@ struct LawFit {
 struct LawComparison {
   double reference_chip = 0;               // h0, mm, that u and alpha of the laws are for
   std::vector<LawFit> laws;                // the paper's first
-  std::size_t best = 0;                    // by the criterion
-  std::vector<std::string> like_the_best;  // names of laws that the recordings can't tell from it
+  std::size_t best = 0;                    // the selected one
+  std::vector<std::string> like_the_best;  // names of laws that are not distinguishable from it
   std::string verdict;                     // a sentence
 };
 
