@@ -218,7 +218,7 @@ void add_measurement(CLI::App& specimen, const Common& common) {
       ->capture_default_str();
   sub->add_option("--seed", o->seed, "Of noise and outliers")->capture_default_str();
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s");
-  add_strict(*sub, o->strict, "inputs that can't be meant, or an energy audit out of range");
+  add_strict(*sub, o->strict, "implausible inputs, or an energy audit out of range");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(
       "Example: toothprep specimen measurement --tooth block.vdb --bur cylinder:D1.2xL3.0\n"

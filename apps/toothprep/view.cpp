@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "command.h"
@@ -14,11 +13,12 @@
 #include "strictness.h"
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/errors.h"
-#include "toothprep/step/core/strict_toml.h"
 #include "toothprep/tools/files/session_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/files/trajectory_file.h"
 #include "toothprep/tools/render/ply_values.h"
+#include "toothprep/tools/score/assess.h"
+#include "toothprep/tools/score/score_file.h"
 #include "toothprep/tools/view/file_scene.h"
 #include "toothprep/tools/view/page_server.h"
 #include "toothprep/version.h"
@@ -51,27 +51,40 @@ ViewLayer read_layer(const std::string& path, bool strict) {
   return layer;
 }
 
-// What `score` wrote: of its folder the surface, with its deviations if there was a target; of its
-// JSON the two teeth. Anything else is a file to be shown.
-std::vector<std::string> scored_files(const std::string& path) {
+// The surface that `score --report` wrote into its folder, with its deviations if there was a target.
+std::string surface_of_report(const std::string& folder) {
   namespace fs = std::filesystem;
-  if (fs::is_directory(path)) {
-    for (const char* name : {"deviation.ply", "prepared.ply"})
-      if (const fs::path file = fs::path(path) / name; fs::exists(file)) return {file.string()};
-    throw InputError(path, "", "holds neither deviation.ply nor prepared.ply",
-                     "give the folder that `score --report` wrote");
+  for (const char* name : {"deviation.ply", "prepared.ply"})
+    if (const fs::path file = fs::path(folder) / name; fs::exists(file)) return file.string();
+  throw InputError(folder, "", "holds neither deviation.ply nor prepared.ply",
+                   "give the folder that `score --report` wrote");
+}
+
+// Both teeth of a score; with a target the prepared one on the original, with its deviations.
+void add_scored_teeth(const std::string& path, bool strict, std::vector<ViewLayer>& layers) {
+  const ScoredInputs inputs = read_scored_inputs(path);
+  for (const std::string& file : inputs.changed)
+    warn_or_refuse({file + ": has been changed since it was scored"}, strict);
+  layers.push_back(read_layer(inputs.original, strict));
+  if (inputs.target.empty()) {
+    layers.push_back(read_layer(inputs.prepared, strict));
+    return;
   }
-  if (!has_extension(path, ".json")) return {path};
-  const auto score = nlohmann::json::parse(read_small_text(path), nullptr, false);
-  if (!score.is_object() || score.value("schema", "") != "toothprep-score")
-    throw InputError(path, "schema", "this is no result of `score`");
-  std::vector<std::string> files;
-  for (const char* role : {"/inputs/original/file", "/inputs/prepared/file"}) {
-    const auto file = score.value(nlohmann::json::json_pointer(role), nlohmann::json());
-    if (!file.is_string()) throw InputError(path, role, "is missing");
-    files.push_back(file);
-  }
-  return files;
+  AssessmentOptions options;
+  options.original = inputs.original;
+  options.prepared = inputs.prepared;
+  options.target = inputs.target;
+  options.register_teeth = inputs.registered;
+  options.mm_per_unit = inputs.mm_per_unit;
+  options.voxel = inputs.voxel_mm.value_or(options.voxel);
+  Assessment compared = compare_teeth(options);
+  warn_or_refuse(compared.sheet.warnings, strict);
+  ViewLayer prepared;
+  prepared.name = std::filesystem::path(inputs.prepared).filename().string();
+  prepared.tooth = std::make_unique<LayeredTooth>(std::move(compared.prepared.tooth));
+  prepared.mesh = std::move(compared.prepared.surface);
+  prepared.deviation = std::move(compared.deviation->per_vertex);
+  layers.push_back(std::move(prepared));
 }
 
 // The recording, checked against the tooth that is to be seen with it.
@@ -119,11 +132,12 @@ std::unique_ptr<Recording> read_recording(const Options& o, const std::string& p
 std::unique_ptr<PageSource> read_scene(const Options& o) {
   std::vector<ViewLayer> layers;
   std::string recording, other;
-  std::vector<std::string> files;
-  for (const std::string& given : o.files)
-    for (std::string& file : scored_files(given)) files.push_back(std::move(file));
-  for (const std::string& file : files) {
-    if (!is_recording(file)) {
+  for (const std::string& file : o.files) {
+    if (std::filesystem::is_directory(file)) {
+      layers.push_back(read_layer(surface_of_report(file), o.strict));
+    } else if (has_extension(file, ".json")) {
+      add_scored_teeth(file, o.strict, layers);
+    } else if (!is_recording(file)) {
       layers.push_back(read_layer(file, o.strict));
     } else if (recording.empty()) {
       recording = file;
@@ -193,7 +207,8 @@ void add_view(CLI::App& app, const Common& common) {
       "  toothprep view trace.h5 --tooth tooth.vdb\n"
       "  toothprep view before.vdb after.ply\n"
       "  toothprep view first.h5 second.h5 --tooth tooth.vdb\n"
-      "  toothprep view score-report");
+      "  toothprep view score-report\n"
+      "  toothprep view score.json");
   sub->callback([o, &common] { run(*o, common); });
 }
 

@@ -1,4 +1,4 @@
-"""Inputs that are readable and can't be meant: numbers that are none, units taken for others, names that harm.
+"""Inputs that are readable and implausible: numbers that are none, units taken for others, names that harm.
 
 Usage: test_implausible.py BINARY SOURCE_DIR
 """

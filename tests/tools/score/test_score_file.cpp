@@ -1,9 +1,14 @@
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/tools/io/write_file.h"
 #include "toothprep/tools/score/score_file.h"
 
 namespace toothprep {
@@ -91,6 +96,57 @@ TEST(ScoreFile, KeysThatClashAreRefused) {
     ScoreSheet s = sheet();
     s.quantities.push_back({key, 1, NAN, "mm"});
     EXPECT_THROW(static_cast<void>(score_json(s)), Error) << key;
+  }
+}
+
+class ScoredInputsTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::filesystem::create_directories(folder_);
+    write_file(file("a.vdb"), "a");
+    write_file(file("b.vdb"), "b");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  void write(ScoreSheet s) const {
+    for (ScoreInput& input : s.inputs) input.sha256 = sha256_of_file(file(input.file));
+    write_score(s, file("score.json"));
+  }
+
+  const std::filesystem::path folder_ =
+      std::filesystem::temp_directory_path() / ("scored-inputs-" + std::to_string(getpid()));
+};
+
+TEST_F(ScoredInputsTest, AreFoundBesideTheScoreWithTheOptionsThatItWasMadeWith) {
+  ScoreSheet s = sheet();
+  s.registered = true;
+  s.mm_per_unit = 0.001;
+  write(s);
+  const ScoredInputs inputs = read_scored_inputs(file("score.json"));
+  EXPECT_EQ(inputs.original, file("a.vdb"));
+  EXPECT_EQ(inputs.prepared, file("b.vdb"));
+  EXPECT_EQ(inputs.target, "");
+  EXPECT_TRUE(inputs.registered);
+  EXPECT_EQ(inputs.mm_per_unit, 0.001);
+  EXPECT_EQ(inputs.voxel_mm, 0.1);
+  EXPECT_TRUE(inputs.changed.empty());
+}
+
+TEST_F(ScoredInputsTest, OnesThatWereChangedSinceAreNamed) {
+  write(sheet());
+  write_file(file("b.vdb"), "another");
+  EXPECT_EQ(read_scored_inputs(file("score.json")).changed, std::vector{file("b.vdb")});
+}
+
+TEST_F(ScoredInputsTest, AFileThatIsGoneAndOtherJsonAreRefused) {
+  write(sheet());
+  std::filesystem::remove(file("b.vdb"));
+  EXPECT_THROW(read_scored_inputs(file("score.json")), InputError);
+  for (const char* text : {"", "[]", "{", "{\"schema\": 3}", "{\"schema\": \"toothprep-score\"}",
+                           R"({"schema": "toothprep-score", "inputs": {"original": {"file": 3}}})",
+                           R"({"schema": "toothprep-score", "inputs": 3})"}) {
+    write_file(file("other.json"), text);
+    EXPECT_THROW(read_scored_inputs(file("other.json")), InputError) << text;
   }
 }
 

@@ -145,19 +145,27 @@ class Replay(PageTest):
         self.assertEqual(self.browser.state()["time"], moments["contacts"][0])
         self.picture("stall")
 
+    def set_speed(self, value):
+        self.browser.run(f"(() => {{ const s = document.getElementById('speed'); s.value = '{value}';"
+                         " s.dispatchEvent(new Event('change')); })()")
+        self.assertEqual(self.browser.state()["speed"], float(value))
+
     def test_plays_pauses_and_goes_at_the_speed_asked_for(self):
         self.show("trace.h5", "--tooth", "block.vdb")
-        self.browser.run("""(() => { const s = document.getElementById('speed'); s.value = '20';
-                             s.dispatchEvent(new Event('change')); })()""")
-        self.assertEqual(self.browser.state()["speed"], 20)
+        end = self.trace["time"][-1]
+        self.set_speed("20")
         self.browser.run("document.getElementById('play').click()")
         self.browser.wait_for("!window.toothprep.state().playing && window.toothprep.state().time > 0")
         self.assertEqual(self.browser.state()["row"], len(self.trace["time"]) - 1)  # to the end, and stops
+        self.set_speed("0.1")
         self.browser.run("document.getElementById('play').click()")  # from the beginning again
-        self.browser.wait_for("window.toothprep.state().time < 2 || window.toothprep.state().time > 0")
+        self.browser.wait_for("window.toothprep.state().time > 0.01")
+        state = self.browser.state()
+        self.assertTrue(state["playing"])
+        self.assertLess(state["time"], 0.9 * end)
         self.browser.run("window.toothprep.play(false)")
-        stood = self.browser.state()["time"]
-        self.assertEqual(self.browser.run("new Promise((r) => setTimeout(() => r(window.toothprep.state().time), 200))"), stood)
+        paused = self.browser.state()["time"]
+        self.assertEqual(self.browser.run("new Promise((r) => setTimeout(() => r(window.toothprep.state().time), 200))"), paused)
 
     def test_the_time_line_is_dragged(self):
         self.show("trace.h5", "--tooth", "block.vdb")
@@ -316,21 +324,42 @@ class Scored(PageTest):
         self.browser.run("0")
         self.browser.complaints.clear()
 
-    def test_the_page_shows_the_deviation_and_before_and_after(self):
+    def pixels(self, name):
+        self.browser.run("new Promise((r) => setTimeout(r, 400))")
+        data = self.picture(name) if name else self.browser.picture()
+        return 255 * matplotlib.image.imread(io.BytesIO(data))[60:, :, :3]
+
+    def share_of_blue(self, name):
+        image = self.pixels(name)
+        return (image[..., 2] > image[..., 0] + 25).mean()
+
+    def share_of_ochre(self, name):
+        image = self.pixels(name)
+        return ((image[..., 0] > 120) & (image[..., 2] < 0.75 * image[..., 0]) & (image[..., 1] > 0.6 * image[..., 0])).mean()
+
+    def test_the_page_of_a_report_shows_the_deviation(self):
         self.show("report")
         self.browser.run("window.toothprep.look('distal')")  # the mesh has no frame; the cavity opens to +y
-        self.browser.run("new Promise((r) => setTimeout(r, 400))")
-        red_blue = 255 * matplotlib.image.imread(io.BytesIO(self.picture("deviation")))[60:, :, :3]
-        blue = (red_blue[..., 2] > red_blue[..., 0] + 25).mean()  # 0.15 mm too much was taken
+        blue = self.share_of_blue("deviation")  # 0.15 mm too much was taken
         self.assertGreater(blue, 0.01)
         self.browser.run("document.getElementById('deviation').click()")
-        self.browser.run("new Promise((r) => setTimeout(r, 400))")
-        plain = 255 * matplotlib.image.imread(io.BytesIO(self.browser.picture()))[60:, :, :3]
-        self.assertLess((plain[..., 2] > plain[..., 0] + 25).mean(), 0.5 * blue)
+        self.assertLess(self.share_of_blue(None), 0.5 * blue)
+        self.assertEqual(self.browser.state()["triangles_before"], 0)
+
+    def test_the_page_of_a_score_has_both_teeth_and_the_deviation(self):
         self.show("score.json")
         state = self.browser.state()
-        self.assertEqual((state["kind"], state["wipe"]), ("surfaces", 0.5))
-        self.assertGreater(state["triangles"], 0)
+        self.assertEqual((state["kind"], state["wipe"], state["triangles_before"] > 1000), ("surfaces", 0.5, True))
+        self.browser.run("window.toothprep.wipe(0)")
+        self.browser.run("window.toothprep.look('occlusal')")
+        blue = self.share_of_blue("score")
+        self.assertGreater(blue, 0.01)
+        self.browser.run("document.getElementById('deviation').click()")
+        self.assertLess(self.share_of_blue(None), 0.2 * blue)
+        self.browser.run("document.getElementById('deviation').click()")
+        self.browser.run("window.toothprep.section({kind: 'mesial', offset: 0})")
+        self.browser.run("window.toothprep.look('mesial')")
+        self.assertGreater(self.share_of_ochre("score-section"), 0.01)
 
 
 class Surfaces(PageTest):
@@ -385,6 +414,7 @@ class Live(PageTest):
         """The rows of the recording, after Ctrl-C."""
         stderr, status = viewer.end()
         self.assertEqual(status, 0, stderr)
+        self.browser.open("about:blank")  # the page would try to connect every second, and complain each time
         self.browser.run("0")  # what it has said until now
         self.browser.complaints[:] = [c for c in self.browser.complaints if "WebSocket" not in c]  # that it is over
         with h5py.File(self.path(name)) as file:

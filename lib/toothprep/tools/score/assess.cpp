@@ -187,107 +187,128 @@ void judge_sheet(const Rubric& rubric, ScoreSheet& sheet) {
       "cut; give --axis, or a tooth with its frame (`toothprep orient`)");
 }
 
+void add_input(ScoreSheet& sheet, const std::string& role, const std::string& file) {
+  sheet.inputs.push_back({role, file, sha256_of_file(file)});
+}
+
+void keep_warnings(ScoreSheet& sheet, const std::vector<std::string>& warnings) {
+  sheet.warnings.insert(sheet.warnings.end(), warnings.begin(), warnings.end());
+}
+
+void tell(const AssessmentOptions& options, const char* stage, double done) {
+  if (options.progress) options.progress(stage, done);
+}
+
+struct Compared {
+  Assessment assessment;  // without the preparation
+  double surface_tolerance_mm = 0, coarser_voxel_mm = 0;
+  double original_label_spacing = 0, cut_label_spacing = 0;  // mm; 0: from no labels
+  bool pulp_exposed = false;
+};
+
+Compared compared(const AssessmentOptions& options) {
+  for (const std::string* file : {&options.original, &options.prepared, &options.target})
+    if (!file->empty()) regular_file_size(*file);  // before any work
+
+  Compared c;
+  Assessment& result = c.assessment;
+  ScoreSheet& sheet = result.sheet;
+  tell(options, "reading the teeth", 0.0);
+  result.original = read_solid(options.original, options.voxel, options.mm_per_unit);
+  keep_warnings(sheet, result.original.warnings);
+  find_tooth_frame(result.original.tooth);
+  const double voxel = result.original.tooth.lattice.voxel;
+  sheet.registered = options.register_teeth;
+  sheet.mm_per_unit = options.mm_per_unit;
+  add_input(sheet, "original", options.original);
+  add_input(sheet, "prepared", options.prepared);
+  const Solid prepared = read_solid(options.prepared, voxel, options.mm_per_unit);
+  keep_warnings(sheet, prepared.warnings);
+  c.original_label_spacing = noted_label_spacing(result.original, options.original, sheet.notes);
+  const double of_prepared = noted_label_spacing(prepared, options.prepared, sheet.notes);
+  c.cut_label_spacing = prepared.tooth.parts ? 0 : of_prepared;
+  c.coarser_voxel_mm = std::max(voxel, prepared.tooth.lattice.voxel);
+  sheet.voxel_mm = c.coarser_voxel_mm;
+  tell(options, "laying them on each other", 0.2);
+  result.prepared = placed(prepared, result.original, options, "prepared", sheet.quantities,
+                           sheet.notes, c.surface_tolerance_mm);
+  if (!options.target.empty()) {
+    add_input(sheet, "target", options.target);
+    Quantities unused;  // the score's residual is that of the prepared tooth
+    const Solid target = read_solid(options.target, voxel, options.mm_per_unit);
+    keep_warnings(sheet, target.warnings);
+    result.target = placed(target, result.original, options, "target", unused, sheet.notes,
+                           c.surface_tolerance_mm);
+  }
+
+  tell(options, "comparing volumes", 0.4);
+  const double resolution =
+      std::max({c.coarser_voxel_mm, c.cut_label_spacing, c.original_label_spacing / 2});
+  const VolumeComparison volumes =
+      compare_volumes(result.original, result.prepared, result.target ? &*result.target : nullptr,
+                      c.surface_tolerance_mm);
+  c.pulp_exposed = volumes.pulp_exposed;
+  add_volumes(sheet.quantities, volumes, resolution);
+  if (result.target) {
+    DeviationOptions deviation;
+    deviation.cut_tolerance_mm =
+        std::max(c.surface_tolerance_mm, cut_tolerance(result.original.tooth.lattice));
+    result.deviation =
+        measure_deviation(result.original, result.prepared, *result.target, deviation);
+    add_deviation(sheet.quantities, *result.deviation, resolution);
+  }
+  return c;
+}
+
 }  // namespace
 
+Assessment compare_teeth(const AssessmentOptions& options) { return compared(options).assessment; }
+
 Assessment assess(const AssessmentOptions& options) {
-  Assessment result;
-  ScoreSheet& sheet = result.sheet;
-  Quantities quantities;
   if (options.rubric && options.type && type_named(options.rubric->type) != *options.type)
     throw Error("the rubric '" + options.rubric->name + "' is for the type " +
                 options.rubric->type + ", not " +
                 std::string(kPreparationTypes[static_cast<std::size_t>(*options.type)]) +
                 "; choose another rubric");
-
-  for (const std::string* file : {&options.original, &options.prepared, &options.target})
-    if (!file->empty()) regular_file_size(*file);  // before any work
   for (const std::string& file : options.traces) regular_file_size(file);
 
-  const auto keep_warnings = [&](const std::vector<std::string>& warnings) {
-    sheet.warnings.insert(sheet.warnings.end(), warnings.begin(), warnings.end());
-  };
-  const auto progress = [&](const char* stage, double done) {
-    if (options.progress) options.progress(stage, done);
-  };
-  progress("reading the teeth", 0.0);
-  result.original = read_solid(options.original, options.voxel, options.mm_per_unit);
-  keep_warnings(result.original.warnings);
-  find_tooth_frame(result.original.tooth);
-  const double voxel = result.original.tooth.lattice.voxel;
-  const auto input = [&](const char* role, const std::string& file) {
-    sheet.inputs.push_back({role, file, sha256_of_file(file)});
-  };
-  input("original", options.original);
-  input("prepared", options.prepared);
-  double surface_tolerance_mm = 0;
-  const Solid prepared = read_solid(options.prepared, voxel, options.mm_per_unit);
-  keep_warnings(prepared.warnings);
-  PreparationOptions preparation = options.preparation;
-  preparation.original_label_spacing =
-      noted_label_spacing(result.original, options.original, sheet.notes);
-  const double of_prepared = noted_label_spacing(prepared, options.prepared, sheet.notes);
-  preparation.cut_label_spacing = prepared.tooth.parts ? 0 : of_prepared;
-  const double coarser = std::max(voxel, prepared.tooth.lattice.voxel);
-  const double resolution =
-      std::max({coarser, preparation.cut_label_spacing, preparation.original_label_spacing / 2});
-  progress("laying them on each other", 0.2);
-  result.prepared = placed(prepared, result.original, options, "prepared", quantities, sheet.notes,
-                           surface_tolerance_mm);
-  if (!options.target.empty()) {
-    input("target", options.target);
-    Quantities unused;  // the score's residual is that of the prepared tooth
-    const Solid target = read_solid(options.target, voxel, options.mm_per_unit);
-    keep_warnings(target.warnings);
-    result.target = placed(target, result.original, options, "target", unused, sheet.notes,
-                           surface_tolerance_mm);
-  }
-
-  progress("comparing volumes", 0.4);
-  const VolumeComparison volumes =
-      compare_volumes(result.original, result.prepared, result.target ? &*result.target : nullptr,
-                      surface_tolerance_mm);
-  add_volumes(quantities, volumes, resolution);
-  if (result.target) {
-    DeviationOptions deviation;
-    deviation.cut_tolerance_mm =
-        std::max(surface_tolerance_mm, cut_tolerance(result.original.tooth.lattice));
-    result.deviation =
-        measure_deviation(result.original, result.prepared, *result.target, deviation);
-    add_deviation(quantities, *result.deviation, resolution);
-  }
-
-  progress("measuring the preparation", 0.6);
+  Compared c = compared(options);
+  Assessment& result = c.assessment;
+  ScoreSheet& sheet = result.sheet;
+  tell(options, "measuring the preparation", 0.6);
   // Geometry is measured on facets of about a voxel, which a mesh need not have.
-  result.preparation_surface = result.prepared.layered && surface_tolerance_mm == 0
+  result.preparation_surface = result.prepared.layered && c.surface_tolerance_mm == 0
                                    ? result.prepared.surface
                                    : extract_surface(result.prepared.tooth, SurfaceOf::kAll);
-  preparation.cut_tolerance = surface_tolerance_mm;
+  PreparationOptions preparation = options.preparation;
+  preparation.original_label_spacing = c.original_label_spacing;
+  preparation.cut_label_spacing = c.cut_label_spacing;
+  preparation.cut_tolerance = c.surface_tolerance_mm;
   preparation.type = choose_type(options, result, preparation, sheet);
   sheet.type = kPreparationTypes[static_cast<std::size_t>(preparation.type)];
   result.preparation =
       measure_preparation(result.original.tooth, result.prepared.tooth, result.preparation_surface,
                           preparation, result.target ? &result.target->tooth : nullptr);
   for (Quantity q : result.preparation.quantities) {
-    if (q.key == "pulp_exposed" && volumes.pulp_exposed) q.value = 1;
-    quantities.push_back(std::move(q));
+    if (q.key == "pulp_exposed" && c.pulp_exposed) q.value = 1;
+    sheet.quantities.push_back(std::move(q));
   }
   sheet.absent = result.preparation.absent;
   sheet.axis = result.preparation.frame.d;
   sheet.axis_from = result.preparation.frame.axis_source;
   sheet.axis_known = result.preparation.frame.axis_known();
   sheet.axis_uncertainty_deg = result.preparation.frame.axis_uncertainty_deg;
-  sheet.voxel_mm = coarser;
   sheet.notes.insert(sheet.notes.end(), result.preparation.notes.begin(),
                      result.preparation.notes.end());
 
   for (std::size_t n = 0; n < options.traces.size(); ++n)
-    input(n == 0 ? "trace" : fmt::format("trace_{}", n + 1).c_str(), options.traces[n]);
-  if (!options.traces.empty()) keep_warnings(add_process(options, result, quantities));
+    add_input(sheet, n == 0 ? "trace" : fmt::format("trace_{}", n + 1), options.traces[n]);
+  if (!options.traces.empty())
+    keep_warnings(sheet, add_process(options, result, sheet.quantities));
 
-  sheet.quantities = std::move(quantities);
   if (options.rubric) judge_sheet(*options.rubric, sheet);
-  progress("done", 1.0);
-  return result;
+  tell(options, "done", 1.0);
+  return std::move(result);
 }
 
 Assessment assess_by_rubric(AssessmentOptions options, const std::string& rubric,

@@ -50,6 +50,10 @@ struct Assessment {                       // everything that was measured
       sheet;  // with the rubric's result if there is a rubric; toothprep_version and build are not set
 };
 
+// The first half of assess(): the teeth on each other, their volumes, the deviation from the target.
+// Throws as assess() does.
+[[nodiscard]] Assessment compare_teeth(const AssessmentOptions& options);
+
 // Throws InputError or Error as the parts do: files that can't be read, meshes that aren't closed,
 // teeth that don't match, an empty preparation, a target outside the tooth.
 [[nodiscard]] Assessment assess(const AssessmentOptions& options);

@@ -1,9 +1,12 @@
 #include "toothprep/tools/score/score_file.h"
 
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/core/hash.h"
+#include "toothprep/step/core/strict_toml.h"
 #include "toothprep/tools/io/json_number.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/write_file.h"
@@ -81,7 +84,8 @@ std::string score_json(const ScoreSheet& sheet) {
     options["axis_uncertainty_deg"] = sheet.axis_uncertainty_deg;
   }
   if (sheet.voxel_mm) options["voxel_mm"] = *sheet.voxel_mm;
-  for (const auto& [key, value] : sheet.other_options) options[key] = value;
+  options["registered"] = sheet.registered;
+  if (sheet.mm_per_unit) options["mm_per_unit"] = *sheet.mm_per_unit;
 
   for (const char* later :
        {"uncertainty", "rubric", "criteria", "points_percent", "passed", "points_percent_low",
@@ -122,6 +126,39 @@ std::string score_json(const ScoreSheet& sheet) {
 
 void write_score(const ScoreSheet& sheet, const std::string& path) {
   write_file(path, score_json(sheet));
+}
+
+ScoredInputs read_scored_inputs(const std::string& path) {
+  namespace fs = std::filesystem;
+  const auto score = nlohmann::json::parse(read_small_text(path), nullptr, false);
+  const auto at = [&](const char* place) {
+    return score.value(nlohmann::json::json_pointer(place), nlohmann::json());
+  };
+  if (!score.is_object() || at("/schema") != "toothprep-score")
+    throw InputError(path, "schema", "this is not a result of `score`");
+  ScoredInputs inputs;
+  const auto find_file = [&](const std::string& role, bool required) -> std::string {
+    const auto named = at(("/inputs/" + role + "/file").c_str());
+    if (named.is_null() && !required) return {};
+    if (!named.is_string()) throw InputError(path, "inputs." + role, "is missing");
+    fs::path file = named.get<std::string>();
+    if (!fs::exists(file)) file = fs::path(path).parent_path() / file;
+    if (!fs::exists(file))
+      throw InputError(path, "inputs." + role,
+                       "names " + named.get<std::string>() + ", which does not exist",
+                       "run this where `score` was run");
+    if (at(("/inputs/" + role + "/sha256").c_str()) != sha256_of_file(file.string()))
+      inputs.changed.push_back(file.string());
+    return file.string();
+  };
+  inputs.original = find_file("original", true);
+  inputs.prepared = find_file("prepared", true);
+  inputs.target = find_file("target", false);
+  inputs.registered = at("/options/registered") == true;
+  for (const auto& [key, value] : {std::pair("/options/mm_per_unit", &inputs.mm_per_unit),
+                                   std::pair("/options/voxel_mm", &inputs.voxel_mm)})
+    if (const auto number = at(key); number.is_number() && number.get<double>() > 0) *value = number;
+  return inputs;
 }
 
 }  // namespace toothprep

@@ -40,8 +40,8 @@ struct ScoreSheet {                      // what score.json holds
   bool axis_known = true;                // false: guessed from the cut
   double axis_uncertainty_deg = 0;       // half width of the 95 % interval
   std::optional<double> voxel_mm;        // the coarser of both teeth
-  std::vector<std::pair<std::string, std::string>>
-      other_options;                   // key, value; written as they are
+  bool registered = false;               // prepared and target were laid on the original
+  std::optional<double> mm_per_unit;     // of meshes, if it was given
   Quantities quantities;               // keys are unique
   std::optional<RubricResult> result;  // nothing: no rubric
   std::vector<AbsentQuantity> absent;  // not defined for these inputs
@@ -55,5 +55,16 @@ struct ScoreSheet {                      // what score.json holds
 
 // Writes it to `path` (callers go through Outputs). Throws Error if that fails.
 void write_score(const ScoreSheet& sheet, const std::string& path);
+
+struct ScoredInputs {  // what a score was made from
+  std::string original, prepared, target;  // files; no target: empty
+  bool registered = false;
+  std::optional<double> mm_per_unit, voxel_mm;
+  std::vector<std::string> changed;  // those that are other files now
+};
+
+// Of the score that write_score() wrote. Files are sought as they were named, then in the score's
+// folder. Throws InputError for anything else than a score, or a file that is gone.
+[[nodiscard]] ScoredInputs read_scored_inputs(const std::string& path);
 
 }  // namespace toothprep

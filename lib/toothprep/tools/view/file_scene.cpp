@@ -32,6 +32,10 @@ std::optional<long> number_in(std::string_view query, std::string_view name) {
   return std::nullopt;
 }
 
+bool shown_as_mesh(const ViewLayer& layer) {
+  return !layer.tooth || !layer.mesh.triangles.empty();
+}
+
 class FileScene final : public PageSource {
  public:
   FileScene(std::vector<ViewLayer> layers, std::unique_ptr<Recording> recording,
@@ -41,7 +45,7 @@ class FileScene final : public PageSource {
         other_(std::move(other)),
         version_(std::move(version)) {
     for (ViewLayer& layer : layers_) {
-      if (!layer.tooth || (recording_ && &layer == &layers_.back())) continue;
+      if (shown_as_mesh(layer) || (recording_ && &layer == &layers_.back())) continue;
       workpieces_.push_back(std::make_unique<Workpiece>(*layer.tooth));
       still_[&layer] = std::make_unique<KeyFrames>(*workpieces_.back());
     }
@@ -122,7 +126,7 @@ class FileScene final : public PageSource {
     if (!frame || !seen || *frame < 0 || *seen < -1 || *seen >= frames) return std::nullopt;
     const int at = static_cast<int>(std::min(*frame, frames - 1)), from = static_cast<int>(*seen);
     BlockBytes bytes(at);
-    if (!wanted.tooth) {
+    if (shown_as_mesh(wanted)) {
       if (from < 0) bytes.add(wanted.mesh, wanted.deviation);
       return bytes.take();
     }

@@ -13,10 +13,10 @@
 
 namespace toothprep {
 
-struct ViewLayer {  // a surface: of a tooth, or as it is
+struct ViewLayer {  // a surface: as it is, or that of a tooth
   std::string name;
-  std::unique_ptr<LayeredTooth> tooth;  // or null
-  TriangleMesh mesh;                    // without a tooth
+  std::unique_ptr<LayeredTooth> tooth;  // that a section shows the inside of; or null
+  TriangleMesh mesh;                    // no triangles: the tooth's surface
   std::vector<float> deviation;         // mm, of the mesh per vertex, NaN: not known; or empty
 };
 

@@ -98,10 +98,15 @@ View.Instruments = class {
     }
   }
 
-  // The plots of the last seconds, now and then.
-  plot(rows, row, now = performance.now(), atOnce = false, other = null) {
-    if (!atOnce && now - this.plotted < kPlotEvery) return;
-    this.plotted = now;
+  // The plots of the last seconds, now and then, and of the last row that was given.
+  plot(rows, row, other = null) {
+    const early = this.plotted + kPlotEvery - performance.now();
+    clearTimeout(this.later);
+    if (early > 0) {
+      this.later = setTimeout(() => this.plot(rows, row, other), early);
+      return;
+    }
+    this.plotted = performance.now();
     const to = rows.times[row], from = rows.find(to - kWindow);
     const step = Math.max(1, Math.floor((row - from) / 300));
     for (const {quantity, graph} of this.plots) {

@@ -142,7 +142,7 @@ const kPatience = 100;  // ms
     play.time = Math.min(Math.max(time, rows.times[0]), end);
     showRow(rows.find(play.time));
     timeline.show(play.time);
-    instruments.plot(rows, play.row, performance.now(), !play.playing, other);
+    instruments.plot(rows, play.row, other);
     return new Promise((resolve) => settled.push(resolve));
   };
   const setPlaying = (playing) => {

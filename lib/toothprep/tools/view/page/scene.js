@@ -305,7 +305,7 @@ View.offerDeviation = (facts, picture) => {
     context.fillStyle = `#${new THREE.Color(...c).convertLinearToSRGB().getHexString()}`;
     context.fillRect(i * width, 0, width + 1, context.canvas.height);
   });
-  byId('deviation-limit').textContent = `−${limit} to ${limit} mm (left standing)`;
+  byId('deviation-limit').textContent = `−${limit} mm (cut too far) to ${limit} mm (left)`;
   byId('deviation-label').hidden = false;
   byId('deviation').addEventListener('change', (event) => picture.setDeviation(event.target.checked));
   picture.setDeviation(true);
