@@ -88,6 +88,11 @@ class Browser:
         elif method == "Log.entryAdded" and what["entry"]["level"] in ("error", "warning"):
             self.complaints.append(f"{what['entry']['text']} {what['entry'].get('url', '')}")
 
+    def before_every_page(self, script):
+        """Runs a script at the start of every page from now on; returns a function that ends this."""
+        identifier = self.call("Page.addScriptToEvaluateOnNewDocument", source=script)["identifier"]
+        return lambda: self.call("Page.removeScriptToEvaluateOnNewDocument", identifier=identifier)
+
     def open(self, address):
         self.call("Page.navigate", url=address)
 

@@ -235,6 +235,43 @@ class Replay(PageTest):
         self.browser.run("window.toothprep.stereo('off')")
         self.assertEqual(self.browser.state()["stereo"], "off")
 
+    def test_a_headset_shows_the_tooth_before_the_eyes_occlusal_side_up_and_goes_on_in_time(self):
+        script = (Path(__file__).resolve().parent / "headset.js").read_text(encoding="utf-8")
+        self.addCleanup(self.browser.before_every_page(script))
+        self.show("trace.h5", "--tooth", "block.vdb")
+        self.browser.wait_for("window.toothprep.state().recomputed.finished")
+        self.browser.run(f"window.toothprep.seek({self.trace['time'][-1]})")
+        desk = self.browser.state()["camera"]
+        self.browser.wait_for("document.getElementById('headset') && document.getElementById('headset').textContent === 'ENTER VR'")
+        self.browser.run("document.getElementById('headset').click()")
+        self.browser.wait_for("window.toothprep.state().headset && window.headset.pictures > 5")
+        image = self.pixels("headset")
+        box = self.browser.run("(() => { const r = document.getElementById('picture').getBoundingClientRect();"
+                               " return [r.left, r.top, r.right, r.bottom].map(Math.round); })()")
+        image = image[box[1] + 90:box[3] - 60, box[0]:box[2]]
+        half = image.shape[1] // 2
+        white = (image.min(axis=-1) > 130)
+        ochre = (image[..., 0] > 100) & (image[..., 2] < 0.8 * image[..., 0])
+        for eye in (slice(0, half), slice(half, 2 * half)):  # the block of 8 mm is 16 cm wide, and 85 cm away
+            rows, columns = np.nonzero(white[:, eye] | ochre[:, eye])
+            self.assertAlmostEqual(columns.mean() / half, 0.5, delta=0.15)
+            self.assertGreater((white[:, eye] | ochre[:, eye]).mean(), 0.03)
+            # Enamel is above dentin.
+            self.assertLess(np.nonzero(white[:, eye])[0].mean(), np.nonzero(ochre[:, eye])[0].mean())
+        # The eyes converge: what is near is further to the right in the left eye.
+        self.assertGreater(np.nonzero(ochre[:, :half])[1].mean(), np.nonzero(ochre[:, half:])[1].mean() + 2)
+        self.set_speed("0.5")
+        self.browser.run("window.toothprep.play(true)")
+        self.browser.wait_for("window.toothprep.state().time > 0.05 && window.toothprep.state().time < 5")
+        self.browser.run("window.toothprep.play(false)")
+        self.browser.run("document.getElementById('headset').click()")
+        self.browser.wait_for("!window.toothprep.state().headset")
+        drawn = self.browser.state()["pictures"]
+        self.browser.run("window.toothprep.look('buccal')")
+        self.browser.wait_for(f"window.toothprep.state().pictures > {drawn}")
+        self.assertEqual(desk["target"], self.browser.state()["camera"]["target"])
+        self.assertEqual(self.browser.run("window.headset.sessions"), ["immersive-vr"])
+
     def test_the_mirror_reflects_the_scene_and_is_dragged(self):
         self.show("trace.h5", "--tooth", "block.vdb")
         self.browser.run("window.toothprep.mirror(true)")

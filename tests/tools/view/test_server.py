@@ -214,7 +214,7 @@ class Command(CommandTest):
         self.assertIn("--tooth goes with a recording", self.fails("block.vdb", "--tooth", "molar.vdb"))
         self.assertIn("missing.vdb", self.fails("missing.vdb"))
         self.write("score.json", '{"schema": "else"}')
-        self.assertIn("no result of `score`", self.fails("score.json"))
+        self.assertIn("not a result of `score`", self.fails("score.json"))
         os.mkdir(os.path.join(self.folder, "empty"))
         self.assertIn("neither deviation.ply nor prepared.ply", self.fails("empty"))
         self.assertIn("'here' is no address", self.fails("block.vdb", "--bind", "here"))

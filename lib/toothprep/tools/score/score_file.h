@@ -58,8 +58,8 @@ void write_score(const ScoreSheet& sheet, const std::string& path);
 
 struct ScoredInputs {  // what a score was made from
   std::string original, prepared, target;  // files; no target: empty
-  bool registered = false;
-  std::optional<double> mm_per_unit, voxel_mm;
+  bool registered = false;                       // prepared and target were laid on the original
+  std::optional<double> mm_per_unit, voxel_mm;   // as in ScoreSheet
   std::vector<std::string> changed;  // those that are other files now
 };
 

@@ -169,7 +169,7 @@ const kPatience = 100;  // ms
 
   const overlay = () => {
     const label = byId('force-label'), end = picture.forceEnd && picture.onScreen(picture.forceEnd);
-    label.hidden = !end || picture.stereo !== 'off';
+    label.hidden = !end || picture.stereo !== 'off' || picture.inHeadset;
     if (end) {
       label.textContent = `${rows.length3(play.row, 'force').toFixed(2)} N`;
       label.style.transform = `translate(${end[0] + 8}px, ${end[1] - 14}px)`;
@@ -181,8 +181,7 @@ const kPatience = 100;  // ms
     byId('wipe-line').style.left = `${100 * picture.wipe}%`;
   };
 
-  const onFrame = (time) => {
-    requestAnimationFrame(onFrame);
+  const step = (time) => {
     const seconds = Math.min(0.25, Math.max(0, (time - last) / 1000));
     last = time;
     if (replays && rows) advance(seconds);
@@ -192,12 +191,17 @@ const kPatience = 100;  // ms
     updateSurface().catch(fail);
     // The bur waits a little for the tooth of the same moment: one picture of both instead of two.
     const waits = asking && !drawable && performance.now() - askedAt < kPatience;
-    if (!waits && picture.draw()) overlay();
+    if ((picture.inHeadset || !waits) && picture.draw(picture.inHeadset)) overlay();
     if (settled.length && !asking && (live || wantedFrame() === now.frame && reached(play.row))) {
       const done = settled;
       settled = [];
       done.forEach((resolve) => resolve(state()));
     }
+  };
+
+  const onFrame = (time) => {
+    requestAnimationFrame(onFrame);
+    if (!picture.inHeadset) step(time);  // a headset has a beat of its own, and may stop this one
   };
 
   // ---- Controls
@@ -250,7 +254,7 @@ const kPatience = 100;  // ms
   byId('mirror').addEventListener('change', (event) => setMirror(event.target.checked));
   byId('sound').addEventListener('change', (event) => sound.turn(event.target.checked));
   byId('sound-label').classList.toggle('absent', !facts.bur);
-  View.offerHeadset(picture, byId('tools'), () => picture.draw(true)).catch(fail);
+  View.offerHeadset(picture, byId('stage'), step).catch(fail);
   if (facts.deviation) View.offerDeviation(facts, picture);
   byId('transport').classList.toggle('absent', !replays);
   byId('panel').classList.toggle('absent', !facts.bur);
@@ -273,7 +277,7 @@ const kPatience = 100;  // ms
       triangles: now.triangles, triangles_before: before.triangles, frame: now.frame, generation: now.frame,
       frame_row: replays ? frameRows[now.frame] : 0, frames: frameRows.length,
       recomputed: progress ? {...progress, frame_rows: undefined} : null, moments: timeline ? timeline.moments : null,
-      section: {...picture.section}, stereo: picture.stereo,
+      section: {...picture.section}, stereo: picture.stereo, headset: picture.inHeadset,
       mirror: picture.mirror ? {position: picture.mirror.group.position.toArray(), reflections: picture.mirror.reflections} : null,
       sound: {on: sound.on, drill_hz: sound.drill, sounding: [...sound.sounding], muted: [...sound.muted]}, live: live ? {...watched, send: undefined} : null, bur_name: picture.shownBur ? picture.shownBur.name : null, wipe: picture.wipe, pictures: picture.frames,
       camera: {position: picture.camera.position.toArray(), target: picture.controls.target.toArray()}, ...row,

@@ -31,7 +31,10 @@ View.Picture = class {
     this.radius = 0.5 * high.distanceTo(low);
     this.camera = new THREE.PerspectiveCamera(25, 1, 1, 1000);
     this.camera.up.copy(this.axes.occlusal);
-    this.three.add(this.camera);
+    this.rig = new THREE.Group();  // of a headset (stereo.js); else it leaves the camera where it is
+    this.rig.add(this.camera);
+    this.three.add(this.rig);
+    this.inHeadset = false;
     const lamp = new THREE.DirectionalLight(0xffffff, 0.9);
     lamp.position.set(-0.4, 0.7, 1);
     this.camera.add(lamp);
@@ -249,7 +252,7 @@ View.Picture = class {
 
   resize() {
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
-    if (!width || !height) return;
+    if (!width || !height || this.inHeadset) return;
     this.renderer.setPixelRatio((this.coarse ? kCoarse : 1) * Math.min(window.devicePixelRatio || 1, 2));
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
@@ -271,7 +274,7 @@ View.Picture = class {
 
   // Without a graphics processor a picture that changes all the time is made of fewer pixels, and of all when it rests.
   chooseSize() {
-    if (!this.software) return;
+    if (!this.software || this.inHeadset) return;
     const rested = performance.now() - this.drawn > kRest;
     if (this.changed) this.drawn = performance.now();
     const coarse = this.changed ? !rested : Boolean(this.coarse) && !rested;
@@ -285,11 +288,12 @@ View.Picture = class {
     if (!this.changed && !always) return false;
     this.changed = false;
     this.updateSection();
-    this.surfaces.before.group.visible = this.wipe > 0;
-    View.drawEyes(this, this.stereo, (left, width) => {
-      const border = left + this.wipe * width;
+    const wipe = this.inHeadset ? 0 : this.wipe;
+    this.surfaces.before.group.visible = wipe > 0;
+    View.drawEyes(this, this.inHeadset ? 'off' : this.stereo, (left, width) => {
+      const border = left + wipe * width;
       this.surfaces.before.uniforms.wipe.value.set(-1e9, border);
-      this.surfaces.now.uniforms.wipe.value.set(this.wipe > 0 ? border : -1e9, 1e9);
+      this.surfaces.now.uniforms.wipe.value.set(wipe > 0 ? border : -1e9, 1e9);
     });
     ++this.frames;
     return true;

@@ -4,6 +4,7 @@
 const kEyes = 1 / 30;     // of the distance to what is looked at, between the eyes
 const kSideZoom = 0.65;
 const kHeadset = 0.02;    // m per mm: a tooth as large as a head
+const kInFront = new THREE.Vector3(0, 1.3, -0.8);  // m: where its middle is, from the floor below the viewer
 
 // Draws the picture for one camera, or for two eyes; `area(left, width)` is called before each with the pixels that
 // it takes.
@@ -48,19 +49,41 @@ View.drawEyes = (picture, kind, area) => {
   renderer.autoClear = true;
 };
 
-// Offers a headset if there is one; `draw` is called for each of its pictures.
-View.offerHeadset = async (picture, place, draw) => {
+// The rig that carries the camera puts the headset's space (m, y up) into the tooth's (mm): the tooth is before the
+// eyes with the occlusal side up and the buccal side to the viewer, kHeadset as large.
+View.enterHeadset = (picture, on) => {
+  const {rig, axes, middle} = picture;
+  picture.inHeadset = on;
+  rig.quaternion.set(0, 0, 0, 1);
+  rig.scale.setScalar(1);
+  rig.position.set(0, 0, 0);
+  if (on) {
+    const x = axes.occlusal.clone().cross(axes.buccal);
+    rig.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(x, axes.occlusal, axes.buccal));
+    rig.scale.setScalar(1 / kHeadset);
+    rig.position.copy(kInFront).divideScalar(-kHeadset).applyQuaternion(rig.quaternion).add(middle);
+  } else {
+    picture.three.traverse((part) => { part.frustumCulled = part !== picture.lag; });
+    picture.resize();
+  }
+  picture.changed = true;
+};
+
+// Offers a headset if there is one; `step(time)` is called for each of its pictures, and must draw it.
+View.offerHeadset = async (picture, place, step) => {
   if (!navigator.xr || !navigator.xr.isSessionSupported || !await navigator.xr.isSessionSupported('immersive-vr')) return;
   const {VRButton} = await import('./vr-button.js');
-  const {renderer, three} = picture, button = VRButton.createButton(renderer);
-  button.id = 'headset';
-  place.append(button);
+  const {renderer, three} = picture;
+  await renderer.getContext().makeXRCompatible();
+  place.append(Object.assign(VRButton.createButton(renderer), {id: 'headset'}));
   renderer.vr.enabled = true;
   renderer.setAnimationLoop((time) => {
     const on = renderer.vr.isPresenting();
-    three.scale.setScalar(on ? kHeadset : 1);
-    three.position.copy(on ? picture.middle.clone().multiplyScalar(-kHeadset).add(new THREE.Vector3(0, 1.3, -0.8)) : new THREE.Vector3());
-    if (on) draw(time);
+    if (on !== picture.inHeadset) View.enterHeadset(picture, on);
+    if (!on) return;
+    // What three.js leaves out as beyond the sight is reckoned in one unit, and a rig with a scale has two.
+    three.traverse((part) => { part.frustumCulled = false; });
+    step(time);
   });
 };
 
