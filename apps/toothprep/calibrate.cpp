@@ -296,8 +296,7 @@ void add_calibrate(CLI::App& app, const Common& common) {
   sub->add_option("--seed", o->seed, "Of the bootstrap")->capture_default_str();
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the motion");
   sub->add_flag("--no-plots", o->no_plots, "Only the tables in --report");
-  add_strict(*sub, o->strict,
-             "a tooth that another program changed, or implausible inputs");
+  add_strict(*sub, o->strict, "a tooth that another program changed, or implausible inputs");
   sub->add_flag("--json", o->json, "The fit on stdout too");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

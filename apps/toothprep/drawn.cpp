@@ -3,6 +3,7 @@
 #include "command.h"
 #include "strictness.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/mesh/sharp_surface.h"
 #include "toothprep/tools/render/ply_values.h"
 #include "toothprep/tools/shells/shells.h"
 
@@ -12,7 +13,7 @@ Drawn read_drawn(const std::string& path, bool strict) {
   Drawn drawn;
   if (has_extension(path, ".vdb")) {
     drawn.tooth = std::make_unique<LayeredTooth>(load_tooth(path, strict));
-    drawn.part.mesh = extract_surface(*drawn.tooth, SurfaceOf::kAll);
+    drawn.part.mesh = sharpest_surface(*drawn.tooth);
     if (drawn.part.mesh.triangles.empty())
       throw InputError(path, "grid 'solid'", "nothing remains, so there is nothing to draw");
     drawn.part.tooth = drawn.tooth.get();

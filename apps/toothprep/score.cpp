@@ -149,8 +149,7 @@ void add_score(CLI::App& app, const Common& common) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   sub->add_flag("--list-figures", o->list, "Print every figure with its definition, and stop");
-  add_strict(*sub, o->strict,
-             "a tooth that another program changed, or an implausible recording");
+  add_strict(*sub, o->strict, "a tooth that another program changed, or an implausible recording");
   sub->add_flag("--json", o->json, "Print the result on stdout, too");
   sub->add_flag("--force", o->force, "Replace existing outputs");
   sub->footer(

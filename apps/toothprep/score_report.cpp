@@ -43,17 +43,13 @@ class Studio {
   }
 
   RenderPart prepared() const {
+    if (assessment_.prepared.tooth.parts) return part_of(assessment_.prepared.tooth);
     RenderPart part;
     part.mesh = assessment_.preparation_surface;
     part.tooth = &assessment_.prepared.tooth;
     return part;
   }
-  RenderPart original() const {
-    RenderPart part;
-    part.mesh = extract_surface(assessment_.original.tooth, SurfaceOf::kAll);
-    part.tooth = &assessment_.original.tooth;
-    return part;
-  }
+  RenderPart original() const { return part_of(assessment_.original.tooth); }
   // The prepared surface with one number per vertex, red where positive, blue where negative.
   static RenderPart coloured(const TriangleMesh& surface, std::vector<float> values) {
     RenderPart part;

@@ -205,6 +205,61 @@ TEST(Renderer, ToothsOwnNormalsAreThoseOfTheBall) {
   EXPECT_LT(worst, 2e-3);
 }
 
+// A ball of 3 mm into which one of 0.6 mm was cut at the top, about (0, 0, 2.9).
+LayeredTooth make_cut_ball(double voxel) {
+  LayeredTooth tooth = make_ball(voxel);
+  const auto band = static_cast<float>(tooth.band());
+  LevelSet cut(tooth.solid.first_brick(), tooth.solid.brick_counts(), -band, {band});
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const Vec3 x =
+          tooth.lattice.to_world(cut.brick_origin(b) + Index3(v >> 6, v >> 3 & 7, v & 7));
+      values[v] = std::clamp(static_cast<float>(0.6 - (x - Vec3(0, 0, 2.9)).norm()), -band, band);
+    }
+    cut.set_brick(b, values.data());
+  }
+  apply_cut(tooth, cut);
+  return tooth;
+}
+
+TEST(Renderer, AMarginIsAsSharpAsTheCutMadeIt) {
+  const LayeredTooth tooth = make_cut_ball(0.1);
+  std::vector<RenderPart> parts;
+  parts.push_back(part_of(tooth));
+  const Renderer renderer(std::move(parts));
+  Fit fit;
+  fit.width = fit.height = 300;
+  fit.centre = Vec3(0, 0, 3);
+  fit.mm_per_pixel = 0.005;
+  const Camera camera = fit_camera(kFromTop, renderer.meshes(), fit);
+  const Image image = renderer.render(camera, kQuick);
+  const double height = (2.9 * 2.9 + 9 - 0.36) / (2 * 2.9), margin = std::sqrt(9 - height * height);
+  int judged = 0;
+  double most_angle = 0, most_depth = 0;
+  for (int y = 0; y < 300; ++y)
+    for (int x = 0; x < 300; ++x) {
+      const std::size_t p = image.pixel(x, y);
+      const Vec3 seen = camera.place(x + 0.5, y + 0.5) + image.depth[p] * camera.forward;
+      const double r = std::hypot(seen.x(), seen.y());
+      if (std::abs(r - margin) < 0.01) continue;  // a tenth of a voxel
+      ++judged;
+      const Vec3 exact(seen.x(), seen.y(),
+                       r < margin ? 2.9 - std::sqrt(0.36 - r * r) : std::sqrt(9 - r * r));
+      const Vec3 normal = r < margin ? Vec3((Vec3(0, 0, 2.9) - exact) / 0.6) : Vec3(exact / 3);
+      most_angle = std::max(most_angle, std::acos(std::min(1.0, normal_at(image, p).dot(normal))));
+      most_depth = std::max(most_depth, std::abs(exact.z() - seen.z()) * normal.z());
+    }
+  EXPECT_GT(judged, 80000);
+  EXPECT_LT(most_angle, 0.05);    // (D / R)^2 of the small ball: 0.028
+  EXPECT_LT(most_depth, 0.0063);  // 3/8 D^2 / R: that of tetrahedra
+  // On a section the corner is as sharp.
+  const Vec3 corner(margin, 0, height), out = Vec3(1, 0, 0.2).normalized();
+  EXPECT_TRUE(inside(tooth, corner + Vec3(0.03, 0, -0.02)));
+  EXPECT_FALSE(inside(tooth, corner + 0.01 * out));
+  EXPECT_FALSE(inside(tooth, corner + Vec3(-0.01, 0, -0.002)));
+}
+
 TEST(Renderer, DeviationIsInterpolatedAndColoursEndAtTheRange) {
   RenderPart part;
   for (const auto& v : {Vec3(-1, -1, 0), Vec3(1, -1, 0), Vec3(1, 1, 0), Vec3(-1, 1, 0)})

@@ -10,6 +10,7 @@
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/csv_writer.h"
+#include "toothprep/tools/mesh/sharp_surface.h"
 
 namespace toothprep::figures {
 
@@ -90,7 +91,7 @@ std::string FigureContext::write_exact(const Experiment& experiment, const std::
 std::string FigureContext::write_surface(const Experiment& experiment, const std::string& name,
                                          const LayeredTooth& tooth) const {
   std::string file = place(experiment, name + ".ply");
-  write_mesh(extract_surface(tooth, SurfaceOf::kAll), options_.output + "/" + file);
+  write_mesh(sharpest_surface(tooth), options_.output + "/" + file);
   return file;
 }
 

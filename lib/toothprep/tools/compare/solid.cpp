@@ -323,7 +323,8 @@ Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion) 
   result.surface = moved(solid.surface, motion);
   LevelSet phi;
   double whole = 0;  // volume before the box cuts it, mm³
-  if (is_identity(motion) && same_lattice(solid.tooth.lattice, onto.lattice)) {
+  const bool copies = is_identity(motion) && same_lattice(solid.tooth.lattice, onto.lattice);
+  if (copies) {
     const Index3 offset = index_offset(onto.lattice, solid.tooth.lattice);
     phi = copied(solid.tooth.solid, offset, onto.solid, band);
     whole = volume_mm3(solid.tooth.solid, solid.tooth.lattice.voxel);
@@ -355,6 +356,11 @@ Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion) 
   result.tooth = onto;
   result.tooth.provenance = solid.tooth.provenance;
   apply_remaining_solid(result.tooth, std::move(phi));
+  if (copies && solid.tooth.parts && open_sides.empty() && original.open_sides.empty()) {
+    const Index3 offset = index_offset(onto.lattice, solid.tooth.lattice);
+    result.tooth.parts = ToothParts{copied(solid.tooth.parts->intact, offset, onto.solid, band),
+                                    copied(solid.tooth.parts->cut, offset, onto.solid, band)};
+  }
   if (!open_sides.empty() || !original.open_sides.empty())
     result.surface = extract_surface(result.tooth, SurfaceOf::kAll);
   else if (!solid.layered)

@@ -485,4 +485,8 @@ SharpSurface extract_sharp_surface(const LayeredTooth& tooth) {
   return surface;
 }
 
+TriangleMesh sharpest_surface(const LayeredTooth& tooth) {
+  return tooth.parts ? extract_sharp_surface(tooth).mesh : extract_surface(tooth, SurfaceOf::kAll);
+}
+
 }  // namespace toothprep

@@ -37,4 +37,8 @@ struct SharpSurface {  // a closed surface and its sharp edges
 // Of what remains of the whole tooth. Throws Error if the tooth has no parts.
 [[nodiscard]] SharpSurface extract_sharp_surface(const LayeredTooth& tooth);
 
+// The surface of what remains as sharp as the tooth allows: that of extract_sharp_surface() if it has
+// parts, else extract_surface().
+[[nodiscard]] TriangleMesh sharpest_surface(const LayeredTooth& tooth);
+
 }  // namespace toothprep

@@ -25,12 +25,21 @@ struct RenderPart {   // one surface of a scene
   bool ghost = false;
 };
 
-// The part of a tooth: its surface. Throws Error if nothing remains of it.
+// The part of a tooth: its sharpest_surface(). Throws Error if nothing remains of it.
 [[nodiscard]] RenderPart part_of(const LayeredTooth& tooth);
 
-// Outward unit normal of the solid's level set at a place near its surface, by central differences
-// over a voxel; zero where the level set says nothing.
-[[nodiscard]] Vec3 level_normal(const LayeredTooth& tooth, const Vec3& x);
+// A smooth part of a tooth's surface: of one that was cut here (ToothParts) its own or the cut's.
+enum class Side { kSolid, kIntact, kCut };
+
+// On which side the surface of the tooth near a place is.
+[[nodiscard]] Side side_at(const LayeredTooth& tooth, const Vec3& x);
+
+// Outward unit normal of a side's level set at a place near it, by central differences over a
+// voxel; zero where the level set says nothing.
+[[nodiscard]] Vec3 level_normal(const LayeredTooth& tooth, const Vec3& x, Side side = Side::kSolid);
+
+// Whether a place is inside of what remains. A margin is as sharp as sharpest_surface() has it.
+[[nodiscard]] bool inside(const LayeredTooth& tooth, const Vec3& x);
 
 // The tissue at a place inside the tooth: that which reaches furthest beyond it.
 [[nodiscard]] Tissue tissue_in(const LayeredTooth& tooth, const Vec3& x);

@@ -12,7 +12,6 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
-#include "toothprep/step/tooth/level_at.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 #include "toothprep/tools/render/mesh_normals.h"
 
@@ -49,22 +48,26 @@ struct Seen {
   bool figure = false;  // the colour is a figure to be read: little shade
 };
 
-// Per corner of each triangle that of the tooth's level set at the vertex; the mesh's where two
-// surfaces stand too close for one.
+// Per corner of each triangle that of the level set of the triangle's side at the vertex, so that a
+// margin stays sharp; the mesh's where two surfaces stand too close for one.
 std::vector<Eigen::Vector3f> level_normals(const RenderPart& part) {
   const TriangleMesh& mesh = part.mesh;
-  std::vector<Eigen::Vector3f> at_vertex(mesh.vertices.size());
-  tbb::parallel_for(std::size_t{0}, at_vertex.size(), [&](std::size_t v) {
-    at_vertex[v] = level_normal(*part.tooth, mesh.vertices[v].cast<double>()).cast<float>();
-  });
-  const bool all = std::all_of(at_vertex.begin(), at_vertex.end(),
-                               [](const Eigen::Vector3f& n) { return n.squaredNorm() > 0; });
   std::vector<Eigen::Vector3f> normals(3 * mesh.triangles.size());
-  if (!all) normals = corner_normals(mesh, part.smoothing);
-  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+  std::atomic<bool> all{true};
+  tbb::parallel_for(std::size_t{0}, mesh.triangles.size(), [&](std::size_t t) {
+    std::array<Vec3, 3> corner;
     for (std::size_t c = 0; c < 3; ++c)
-      if (const Eigen::Vector3f& n = at_vertex[mesh.triangles[t][c]]; n.squaredNorm() > 0)
-        normals[3 * t + c] = n;
+      corner[c] = mesh.vertices[mesh.triangles[t][c]].cast<double>();
+    const Side side = side_at(*part.tooth, (corner[0] + corner[1] + corner[2]) / 3);
+    for (std::size_t c = 0; c < 3; ++c) {
+      normals[3 * t + c] = level_normal(*part.tooth, corner[c], side).cast<float>();
+      if (normals[3 * t + c].squaredNorm() == 0) all = false;
+    }
+  });
+  if (all) return normals;
+  const std::vector<Eigen::Vector3f> of_mesh = corner_normals(mesh, part.smoothing);
+  for (std::size_t i = 0; i < normals.size(); ++i)
+    if (normals[i].squaredNorm() == 0) normals[i] = of_mesh[i];
   return normals;
 }
 
@@ -107,7 +110,7 @@ struct Renderer::Part {
   }
 
   bool solid_at(const Vec3& x, const Vec3& forward) const {
-    if (part.tooth) return level_at(part.tooth->solid, part.tooth->lattice, x) < 0;
+    if (part.tooth) return inside(*part.tooth, x);
     const auto out = tree.first_hit(x, forward);
     return out && tree.normal(out->triangle).dot(forward) > 0;
   }

@@ -303,8 +303,7 @@ Assessment assess(const AssessmentOptions& options) {
 
   for (std::size_t n = 0; n < options.traces.size(); ++n)
     add_input(sheet, n == 0 ? "trace" : fmt::format("trace_{}", n + 1), options.traces[n]);
-  if (!options.traces.empty())
-    keep_warnings(sheet, add_process(options, result, sheet.quantities));
+  if (!options.traces.empty()) keep_warnings(sheet, add_process(options, result, sheet.quantities));
 
   if (options.rubric) judge_sheet(*options.rubric, sheet);
   tell(options, "done", 1.0);

@@ -157,7 +157,8 @@ ScoredInputs read_scored_inputs(const std::string& path) {
   inputs.registered = at("/options/registered") == true;
   for (const auto& [key, value] : {std::pair("/options/mm_per_unit", &inputs.mm_per_unit),
                                    std::pair("/options/voxel_mm", &inputs.voxel_mm)})
-    if (const auto number = at(key); number.is_number() && number.get<double>() > 0) *value = number;
+    if (const auto number = at(key); number.is_number() && number.get<double>() > 0)
+      *value = number;
   return inputs;
 }
 

@@ -42,11 +42,11 @@ struct ScoreSheet {                      // what score.json holds
   std::optional<double> voxel_mm;        // the coarser of both teeth
   bool registered = false;               // prepared and target were laid on the original
   std::optional<double> mm_per_unit;     // of meshes, if it was given
-  Quantities quantities;               // keys are unique
-  std::optional<RubricResult> result;  // nothing: no rubric
-  std::vector<AbsentQuantity> absent;  // not defined for these inputs
-  std::vector<std::string> notes;      // remarks; the rubric's own are added
-  std::vector<std::string> warnings;   // of implausible inputs
+  Quantities quantities;                 // keys are unique
+  std::optional<RubricResult> result;    // nothing: no rubric
+  std::vector<AbsentQuantity> absent;    // not defined for these inputs
+  std::vector<std::string> notes;        // remarks; the rubric's own are added
+  std::vector<std::string> warnings;     // of implausible inputs
 };
 
 // The file's text. Same sheet, same text. Throws Error if two quantities have the same key, one is
@@ -56,11 +56,11 @@ struct ScoreSheet {                      // what score.json holds
 // Writes it to `path` (callers go through Outputs). Throws Error if that fails.
 void write_score(const ScoreSheet& sheet, const std::string& path);
 
-struct ScoredInputs {  // what a score was made from
-  std::string original, prepared, target;  // files; no target: empty
-  bool registered = false;                       // prepared and target were laid on the original
-  std::optional<double> mm_per_unit, voxel_mm;   // as in ScoreSheet
-  std::vector<std::string> changed;  // those that are other files now
+struct ScoredInputs {                           // what a score was made from
+  std::string original, prepared, target;       // files; no target: empty
+  bool registered = false;                      // prepared and target were laid on the original
+  std::optional<double> mm_per_unit, voxel_mm;  // as in ScoreSheet
+  std::vector<std::string> changed;             // those that are other files now
 };
 
 // Of the score that write_score() wrote. Files are sought as they were named, then in the score's

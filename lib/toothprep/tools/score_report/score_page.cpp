@@ -119,7 +119,8 @@ std::string head(const ScorePage& page, const std::string& title) {
                                                 short_number(s.axis_uncertainty_deg, 2) + "°)")));
   if (s.voxel_mm) html += fact("voxel", escaped(short_number(*s.voxel_mm, 4) + " mm"));
   if (s.registered) html += fact("registered", "prepared and target were laid on the original");
-  if (s.mm_per_unit) html += fact("unit of meshes", escaped(short_number(*s.mm_per_unit, 6) + " mm"));
+  if (s.mm_per_unit)
+    html += fact("unit of meshes", escaped(short_number(*s.mm_per_unit, 6) + " mm"));
   if (s.result)
     html += fact("rubric", escaped(s.result->name) + " <span class=\"muted\">" +
                                escaped(s.result->source) + "</span>");

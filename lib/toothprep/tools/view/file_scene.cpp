@@ -32,9 +32,7 @@ std::optional<long> number_in(std::string_view query, std::string_view name) {
   return std::nullopt;
 }
 
-bool shown_as_mesh(const ViewLayer& layer) {
-  return !layer.tooth || !layer.mesh.triangles.empty();
-}
+bool shown_as_mesh(const ViewLayer& layer) { return !layer.tooth || !layer.mesh.triangles.empty(); }
 
 class FileScene final : public PageSource {
  public:
