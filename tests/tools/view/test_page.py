@@ -480,7 +480,7 @@ class Live(PageTest):
                                   "to_mm = [6, 5, 3]\nspeed_mm_s = 1\n")
         viewer = self.begin("mirrored.h5", "--mirror-hand", "mirror.toml")
         self.browser.run("window.toothprep.mirror(true)")
-        shown = self.browser.state()["time"]  # the mirror follows from the next row on
+        shown = self.browser.state().get("time", 0)  # or no row yet; the mirror follows from the next one on
         self.browser.wait_for(f"window.toothprep.state().time > {max(1, shown)}")
         early = self.browser.state()
         self.browser.wait_for(f"window.toothprep.state().time > {early['time'] + 1}")
