@@ -141,6 +141,11 @@ TEST_P(ExactPreparations, AreMeasuredWithinADegreeAndHalfAVoxel) {
       const bool angle = key.find("deg") != std::string::npos;
       EXPECT_NEAR(got, *expected, angle ? 1.0 : voxel / 2) << c.name << ' ' << key;
     }
+    if (c.type == PreparationType::kCrown) {
+      std::printf("%-28s %-34s %9.4f %9.4f\n", c.name.c_str(), "finish_line_roughness_mm", 0.0,
+                  value_of(preparation, "finish_line_roughness_mm"));
+      EXPECT_LT(value_of(preparation, "finish_line_roughness_mm"), voxel / 4) << c.name;
+    }
     // A false undercut would be one of noise; a true one may not be missed.
     if (const auto undercut = truth_value(truth, "undercut_along_axis_mm");
         !undercut || *undercut == 0) {
@@ -156,6 +161,69 @@ INSTANTIATE_TEST_SUITE_P(VoxelsAndPoses, ExactPreparations,
                            return std::string(std::get<0>(test.param) > 0.07 ? "Coarse" : "Fine") +
                                   (std::get<1>(test.param) ? "Turned" : "Straight");
                          });
+
+// A cylinder of 4 mm, 8 mm high, of which a stump of 2.8 mm is left above a shoulder whose height
+// goes up and down `waves` times around, by `amplitude`.
+double finish_line_roughness(double amplitude, int waves, double voxel, bool cut_here) {
+  Lattice lattice;
+  lattice.voxel = voxel;
+  lattice.origin = Vec3(0.013, -0.021, 0.037);
+  const int reach = static_cast<int>(std::ceil(5 / voxel));
+  const auto sample_of = [](double solid) {
+    ToothSample s;
+    s.solid = static_cast<float>(solid);
+    s.tissue = {s.solid, 3.f, 3.f};
+    s.label = solid < 0 ? Tissue::kEnamel : Tissue::kAir;
+    return s;
+  };
+  const auto removed_depth = [=](const Vec3& x) {
+    const double r = std::hypot(x.x(), x.y()), phase = waves * std::atan2(x.y(), x.x());
+    const double slope = amplitude * waves / std::max(r, 1.0) * std::cos(phase);
+    const double above = (amplitude * std::sin(phase) - 1 - x.z()) / std::hypot(1, slope);
+    return -std::min(std::max(2.8 - r, above), 2.5 - x.z());
+  };
+  const auto tooth_of = [&](bool cut) {
+    return build_tooth(
+        lattice, Index3::Constant(-reach), Index3::Constant(reach),
+        [=](const Vec3& x) {
+          const double solid = std::max(std::hypot(x.x(), x.y()) - 4, std::abs(x.z()) - 4);
+          return sample_of(cut ? std::max(solid, removed_depth(x)) : solid);
+        },
+        false);
+  };
+  const LayeredTooth original = tooth_of(false);
+  LayeredTooth prepared = tooth_of(true);
+  if (cut_here) {
+    LayeredTooth removed = build_tooth(
+        lattice, Index3::Constant(-reach), Index3::Constant(reach),
+        [=](const Vec3& x) { return sample_of(-removed_depth(x)); }, false);
+    prepared.parts = ToothParts{original.solid, std::move(removed.solid)};
+  }
+  PreparationOptions options;
+  options.type = PreparationType::kCrown;
+  options.occlusal = Vec3::UnitZ();
+  return value_of(
+      measure_preparation(original, prepared, extract_surface(prepared, SurfaceOf::kAll), options),
+      "finish_line_roughness_mm");
+}
+
+TEST(FinishLine, RoughnessIsThatOfTheWavesOfTheShoulder) {
+  for (const bool cut_here : {false, true})
+    for (const double voxel : {0.1, 0.05}) {
+      EXPECT_LT(finish_line_roughness(0, 0, voxel, cut_here), (cut_here ? 0.05 : 0.2) * voxel)
+          << voxel;
+      for (const int waves : {16, 25}) {
+        // Of cos(k s) a quadratic fit over |s| <= L keeps 3 / (8 L) times the integral of
+        // (3 - 5 s^2 / L^2) cos(k s).
+        const double kl = 0.75 * waves / 4.0, sine = std::sin(kl), cosine = std::cos(kl);
+        const double kept =
+            3 / (8 * kl) * (6 * sine - 10 * (sine + 2 * cosine / kl - 2 * sine / (kl * kl)));
+        EXPECT_NEAR(finish_line_roughness(0.1, waves, voxel, cut_here),
+                    0.1 / std::sqrt(2) * (1 - kept), 0.1 * voxel)
+            << voxel << ", " << waves << ", " << cut_here;
+      }
+    }
+}
 
 }  // namespace
 }  // namespace toothprep

@@ -1,14 +1,59 @@
 #include "toothprep/tools/preparation/margin.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "toothprep/step/core/units.h"
 
 namespace toothprep {
 
+namespace {
+
+struct LinePoint {
+  Vec3 at = Vec3::Zero();  // along u, v and the axis
+  double length = 0;
+};
+
+// Squared distance of a point of a line from the quadratic curve through what is near it, across
+// the line; nothing where the line ends.
+std::optional<double> squared_roughness_at(const std::vector<LinePoint>& line, const LinePoint& p,
+                                           const Vec2& centre) {
+  const Vec2 out = (p.at.head<2>() - centre).normalized();
+  const Vec2 along(-out.y(), out.x());
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Matrix<double, 3, 2> right = Eigen::Matrix<double, 3, 2>::Zero();
+  double first = 0, last = 0;
+  for (const LinePoint& q : line) {
+    const Vec3 r = q.at - p.at;
+    if (r.squaredNorm() > kFinishLineReach * kFinishLineReach) continue;
+    const double s = r.head<2>().dot(along) / kFinishLineReach;
+    first = std::min(first, s);
+    last = std::max(last, s);
+    const Vec3 power(1, s, s * s);
+    normal += q.length * power * power.transpose();
+    right += q.length * power * Eigen::RowVector2d(r.z(), r.head<2>().dot(out));
+  }
+  if (first > -0.5 || last < 0.5) return std::nullopt;
+  return (normal.ldlt().solve(right)).row(0).squaredNorm();
+}
+
+double roughness_of(const std::vector<LinePoint>& line, const Vec2& centre) {
+  double sum = 0, length = 0;
+  for (const LinePoint& p : line)
+    if (const auto squared = squared_roughness_at(line, p, centre)) {
+      sum += p.length * *squared;
+      length += p.length;
+    }
+  return length > 0 ? std::sqrt(sum / length) : NAN;
+}
+
+}  // namespace
+
 Margin measure_margin(const CutFacets& facets, const std::vector<WallFacet>& walls,
-                      const PreparationFrame& frame, double tolerance) {
+                      const PreparationFrame& frame, double tolerance,
+                      const std::vector<FinishSegment>& finish_line) {
   struct Point {
     Vec2 at;
     std::uint32_t facet;
@@ -63,6 +108,13 @@ Margin measure_margin(const CutFacets& facets, const std::vector<WallFacet>& wal
   int good = 0;
   for (Weighted& w : around) good += !w.empty() && w.quantile(0.5) > kNoMargin;
   margin.continuity = static_cast<double>(good) / kSteps;
+  std::vector<LinePoint> line;
+  for (const FinishSegment& s : finish_line)
+    if (const double height = frame.height(s.middle); height <= lowest && s.length > 0) {
+      const Vec2 at = flat(s.middle);
+      line.push_back({Vec3(at.x(), at.y(), height), s.length});
+    }
+  margin.roughness = roughness_of(line, centre);
   return margin;
 }
 

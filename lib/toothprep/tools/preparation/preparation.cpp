@@ -11,6 +11,7 @@
 #include "toothprep/step/core/number_text.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/compare/cut_surface.h"
+#include "toothprep/tools/mesh/sharp_surface.h"
 #include "toothprep/tools/preparation/cut_facets.h"
 #include "toothprep/tools/preparation/floors.h"
 #include "toothprep/tools/preparation/frame.h"
@@ -27,7 +28,7 @@ constexpr std::size_t kFewestFacets = 30;
 
 // What all measurements read, and the preparation that they fill.
 struct Bench {
-  const LayeredTooth& original;
+  const LayeredTooth &original, &prepared;
   const TriangleMesh& surface;
   const PreparationOptions& options;
   const CutFacets& facets;
@@ -357,6 +358,18 @@ void measure_class2(Bench& bench) {
   measure_box(bench, gingival, pulpal);
 }
 
+// The margin of a tooth that was cut here.
+std::vector<FinishSegment> sharp_finish_line(const LayeredTooth& prepared) {
+  const SharpSurface surface = extract_sharp_surface(prepared);
+  std::vector<FinishSegment> line;
+  for (const auto& edge : surface.margin) {
+    const Vec3 a = surface.mesh.vertices[edge[0]].cast<double>(),
+               b = surface.mesh.vertices[edge[1]].cast<double>();
+    line.push_back({(a + b) / 2, (b - a).norm()});
+  }
+  return line;
+}
+
 void measure_crown(Bench& bench) {
   const PreparationFrame& frame = bench.frame();
   const std::array<Wall, 4> sides = four_walls(bench, bench.walls);
@@ -398,11 +411,18 @@ void measure_crown(Bench& bench) {
   }
   bench.add_length("axial_reduction_min_mm", all.quantile(0.05));
 
-  Margin margin = measure_margin(bench.facets, bench.walls, frame, bench.tolerance);
+  const bool sharp = bench.prepared.parts.has_value();
+  const Margin margin =
+      measure_margin(bench.facets, bench.walls, frame, bench.tolerance,
+                     sharp ? sharp_finish_line(bench.prepared) : bench.facets.finish_line());
   bench.add_length("margin_width_mm", margin.width.quantile(0.5));
   bench.add_length("margin_width_min_mm", margin.width.quantile(0.05));
   bench.add_length("margin_width_max_mm", margin.width.quantile(0.95));
   bench.add("margin_continuity", margin.continuity, NAN, "1");
+  bench.add(
+      "finish_line_roughness_mm", margin.roughness,
+      sharp ? bench.voxel() / 10 : std::max(bench.voxel() / 4, bench.options.cut_label_spacing / 2),
+      "mm");
 }
 
 void measure_draw(Bench& bench) {
@@ -454,7 +474,7 @@ bool depends_on_axis(const Quantity& q) {
   if (q.unit != "mm") return false;
   for (const char* free : {"floor_flatness_mm", "gingival_floor_flatness_mm", "undercut_max_mm",
                            "remaining_dentin_min_mm", "surface_roughness_mm",
-                           "line_angle_radius_mm", "box_clearance_mm"})
+                           "line_angle_radius_mm", "box_clearance_mm", "finish_line_roughness_mm"})
     if (q.key == free) return false;
   return true;
 }
@@ -673,8 +693,8 @@ Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth
   result.frame = cut.frame;
   result.notes = std::move(cut.notes);
   const TriangleTree original_tree(cut.original_surface), tree(surface);
-  Bench bench{original, surface,       options, facets, cut.original_surface, original_tree,
-              tree,     cut.tolerance, {},      {},     std::move(result)};
+  Bench bench{original,      prepared, surface,       options, facets, cut.original_surface,
+              original_tree, tree,     cut.tolerance, {},      {},     std::move(result)};
   bench.floors = find_floors(facets, bench.frame(), smallest_floor(voxel));
   if (bench.floors.empty() && options.type != PreparationType::kCrown)
     throw Error(

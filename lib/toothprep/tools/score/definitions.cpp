@@ -201,6 +201,11 @@ Rows crown_rows() {
       {"margin_continuity", kSingle, "1", "continuity of the margin",
        "Share of the circumference, in steps of 5 degrees, where the margin is wider than 0.2 mm.",
        kBuilt},
+      {"finish_line_roughness_mm", kSingle, "mm", "roughness of the finish line",
+       "RMS distance of the finish line from the quadratic curve fitted to what lies within 0.75 "
+       "mm "
+       "along it: the course is taken out, notches and waves of up to 1 mm stay.",
+       kBuilt},
       {"occlusal_reduction_mm", kSingle, "mm", "occlusal reduction",
        "Median distance, along the occlusal axis, from the stump's occlusal surface up to the "
        "original one.",
