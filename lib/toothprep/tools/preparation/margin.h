@@ -21,9 +21,9 @@ constexpr double kFinishLineReach = 0.75;  // mm
 // 5° about the middle of the walls; a step without finish line counts as without margin. What lies
 // less than `tolerance` (mm) inside the original doesn't count as cut, so that strip is added.
 //
-// Roughness: RMS distance of `finish_line` (that of the facets, or a sharper one) from the quadratic curve fitted to what lies within
-// kFinishLineReach of each of its points, along the axis and across. Of waves 0.5, 1, 1.5 and 2.5 mm
-// long that is the share 0.92, 0.75, 0.24 and 0.04.
+// Roughness: RMS distance of `finish_line` (that of the facets, or a sharper one) from the quadratic
+// curve fitted to what lies within kFinishLineReach of each of its points, along the axis and
+// across. Of waves 0.5, 1, 1.5 and 2.5 mm long that is the share 0.92, 0.75, 0.24 and 0.04.
 Margin measure_margin(const CutFacets& facets, const std::vector<WallFacet>& walls,
                       const PreparationFrame& frame, double tolerance,
                       const std::vector<FinishSegment>& finish_line);

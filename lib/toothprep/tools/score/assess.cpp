@@ -195,7 +195,7 @@ void keep_warnings(ScoreSheet& sheet, const std::vector<std::string>& warnings) 
   sheet.warnings.insert(sheet.warnings.end(), warnings.begin(), warnings.end());
 }
 
-void tell(const AssessmentOptions& options, const char* stage, double done) {
+void report_progress(const AssessmentOptions& options, const char* stage, double done) {
   if (options.progress) options.progress(stage, done);
 }
 
@@ -213,7 +213,7 @@ Compared compared(const AssessmentOptions& options) {
   Compared c;
   Assessment& result = c.assessment;
   ScoreSheet& sheet = result.sheet;
-  tell(options, "reading the teeth", 0.0);
+  report_progress(options, "reading the teeth", 0.0);
   result.original = read_solid(options.original, options.voxel, options.mm_per_unit);
   keep_warnings(sheet, result.original.warnings);
   find_tooth_frame(result.original.tooth);
@@ -229,7 +229,7 @@ Compared compared(const AssessmentOptions& options) {
   c.cut_label_spacing = prepared.tooth.parts ? 0 : of_prepared;
   c.coarser_voxel_mm = std::max(voxel, prepared.tooth.lattice.voxel);
   sheet.voxel_mm = c.coarser_voxel_mm;
-  tell(options, "laying them on each other", 0.2);
+  report_progress(options, "laying them on each other", 0.2);
   result.prepared = placed(prepared, result.original, options, "prepared", sheet.quantities,
                            sheet.notes, c.surface_tolerance_mm);
   if (!options.target.empty()) {
@@ -241,7 +241,7 @@ Compared compared(const AssessmentOptions& options) {
                            c.surface_tolerance_mm);
   }
 
-  tell(options, "comparing volumes", 0.4);
+  report_progress(options, "comparing volumes", 0.4);
   const double resolution =
       std::max({c.coarser_voxel_mm, c.cut_label_spacing, c.original_label_spacing / 2});
   const VolumeComparison volumes =
@@ -275,7 +275,7 @@ Assessment assess(const AssessmentOptions& options) {
   Compared c = compared(options);
   Assessment& result = c.assessment;
   ScoreSheet& sheet = result.sheet;
-  tell(options, "measuring the preparation", 0.6);
+  report_progress(options, "measuring the preparation", 0.6);
   // Geometry is measured on facets of about a voxel, which a mesh need not have.
   result.preparation_surface = result.prepared.layered && c.surface_tolerance_mm == 0
                                    ? result.prepared.surface
@@ -306,7 +306,7 @@ Assessment assess(const AssessmentOptions& options) {
   if (!options.traces.empty()) keep_warnings(sheet, add_process(options, result, sheet.quantities));
 
   if (options.rubric) judge_sheet(*options.rubric, sheet);
-  tell(options, "done", 1.0);
+  report_progress(options, "done", 1.0);
   return std::move(result);
 }
 
