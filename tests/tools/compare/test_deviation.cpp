@@ -107,6 +107,41 @@ INSTANTIATE_TEST_SUITE_P(Offsets, OffsetShell,
                          ::testing::Values(Offset{0.1, 0.1}, Offset{0.1, -0.1}, Offset{0.1, 0.3},
                                            Offset{0.05, 0.05}));
 
+TEST(OnLattice, KeepsTheCutOfAToothOnTheSameLatticeAndOnlyThere) {
+  const LayeredTooth tooth = molar(0.2);
+  LayeredTooth prepared = tooth;
+  const auto band = static_cast<float>(tooth.band());
+  LevelSet cut(tooth.solid.first_brick(), tooth.solid.brick_counts(), -band, {band});
+  const Shape shape = class_one();
+  std::array<float, kBrickVoxels> values;
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    for (int v = 0; v < kBrickVoxels; ++v)
+      values[v] = static_cast<float>(std::clamp<double>(
+          -shape(tooth.lattice.to_world(cut.brick_origin(b) + Index3(v >> 6, v >> 3 & 7, v & 7))),
+          -band, band));
+    cut.set_brick(b, values.data());
+  }
+  apply_cut(prepared, cut);
+  const Solid original = solid_of("original", tooth), given = solid_of("prepared", prepared);
+  const Solid laid = on_lattice(given, original);
+  ASSERT_TRUE(laid.tooth.parts);
+  int inside_cut = 0;
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    const Index3 first = cut.brick_origin(b);
+    for (int v = 0; v < kBrickVoxels; v += 7) {
+      const Index3 i = first + Index3(v >> 6, v >> 3 & 7, v & 7);
+      const float is = laid.tooth.parts->cut.value(i.x(), i.y(), i.z());
+      ASSERT_EQ(is, prepared.parts->cut.value(i.x(), i.y(), i.z())) << i.transpose();
+      ASSERT_EQ(laid.tooth.parts->intact.value(i.x(), i.y(), i.z()),
+                tooth.solid.value(i.x(), i.y(), i.z()))
+          << i.transpose();
+      inside_cut += is < 0;
+    }
+  }
+  EXPECT_GT(inside_cut, 100);
+  EXPECT_FALSE(on_lattice(given, original, odd_pose()).tooth.parts);
+}
+
 TEST(Deviation, OfEqualSurfacesIsZero) {
   const LayeredTooth tooth = molar(0.2);
   const Solid original = solid_of("original", tooth);

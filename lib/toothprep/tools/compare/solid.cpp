@@ -324,8 +324,9 @@ Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion) 
   LevelSet phi;
   double whole = 0;  // volume before the box cuts it, mm³
   const bool copies = is_identity(motion) && same_lattice(solid.tooth.lattice, onto.lattice);
+  const Index3 offset =
+      copies ? index_offset(onto.lattice, solid.tooth.lattice) : Index3(Index3::Zero());
   if (copies) {
-    const Index3 offset = index_offset(onto.lattice, solid.tooth.lattice);
     phi = copied(solid.tooth.solid, offset, onto.solid, band);
     whole = volume_mm3(solid.tooth.solid, solid.tooth.lattice.voxel);
     if (solid.layered && original.layered)
@@ -357,7 +358,6 @@ Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion) 
   result.tooth.provenance = solid.tooth.provenance;
   apply_remaining_solid(result.tooth, std::move(phi));
   if (copies && solid.tooth.parts && open_sides.empty() && original.open_sides.empty()) {
-    const Index3 offset = index_offset(onto.lattice, solid.tooth.lattice);
     result.tooth.parts = ToothParts{copied(solid.tooth.parts->intact, offset, onto.solid, band),
                                     copied(solid.tooth.parts->cut, offset, onto.solid, band)};
   }
