@@ -40,7 +40,7 @@ std::string make_fewer(SharpSurface& surface, double max_error_mm) {
                     max_error_mm));
     return "";
   }
-  surface = {std::move(result.mesh), std::move(result.lines)};
+  surface = {std::move(result.mesh), std::move(result.lines), {}};
   std::string margin;
   if (!surface.margin.empty())
     margin = fmt::format(", margin {:.4f} mm", result.greatest_of_lines_mm);
@@ -59,7 +59,7 @@ void run(const Options& o, const Common& common) {
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
   SharpSurface surface = tooth.parts && o.tissue == "all"
                              ? extract_sharp_surface(tooth)
-                             : SharpSurface{extract_surface(tooth, kSurfaces.at(o.tissue)), {}};
+                             : SharpSurface{extract_surface(tooth, kSurfaces.at(o.tissue)), {}, {}};
   TriangleMesh& mesh = surface.mesh;
   if (mesh.triangles.empty())
     throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <functional>
 #include <limits>
 #include <map>
@@ -18,8 +19,10 @@
 #include "surfaces.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/units.h"
+#include "toothprep/tools/mesh/crossing_triangles.h"
 #include "toothprep/tools/mesh/pyramid_loops.h"
 #include "toothprep/tools/mesh/sharp_surface.h"
+#include "toothprep/tools/mesh/triangle_tree.h"
 
 namespace toothprep {
 namespace {
@@ -135,8 +138,8 @@ double margin_error(const SharpSurface& surface, const Preparation& p) {
 }
 
 // Measured: 0.013 to 0.066 voxels. Linear interpolation over a tetrahedron's diagonal bounds each
-// field's error by 3/8 D²/R, 0.06 D for R = 0.6 mm and D = 0.1 mm, and the surfaces meet at 35 to 90
-// degrees.
+// field's error by 3/8 D²/R, 0.06 D for R = 0.6 mm and D = 0.1 mm, and the surfaces meet at 35 to
+// 90 degrees.
 TEST(SharpSurface, TheMarginIsWithinATenthOfAVoxelOfTheCurveInWhichToothAndCutMeet) {
   const Quat upright = Quat::Identity(), tilted(Eigen::AngleAxisd(0.6, Vec3(1, 2, 3).normalized()));
   for (const Quat& q : {upright, tilted})
@@ -164,6 +167,175 @@ TEST(SharpSurface, TheMarginIsAClosedCurveOfEdgesOfTheMesh) {
       ++edges[{std::min(t[k], t[(k + 1) % 3]), std::max(t[k], t[(k + 1) % 3])}];
   for (const auto& [a, b] : surface.margin)
     ASSERT_EQ(edges.count({std::min(a, b), std::max(a, b)}), 1u);
+}
+
+// A cut with line angles in a block, and points on them that are well below its top.
+struct LineAngles {
+  std::string name;
+  Field cut;
+  std::vector<Vec3> lines;
+};
+
+constexpr double kTop = 1.5, kBelow = 0.25;  // of the block; of the points, at least
+
+LineAngles box_cut(const Vec3& middle, const Vec3& half) {
+  LineAngles l{"box", [=](const Vec3& x) { return box_distance(x - middle, half); }, {}};
+  for (int axis = 0; axis < 3; ++axis)
+    for (int side = 0; side < 4; ++side)
+      for (double t = -half[axis]; t <= half[axis]; t += 0.01) {
+        Vec3 x;
+        x[axis] = t;
+        x[(axis + 1) % 3] = (side & 1 ? 1 : -1) * half[(axis + 1) % 3];
+        x[(axis + 2) % 3] = (side & 2 ? 1 : -1) * half[(axis + 2) % 3];
+        if ((x + middle).y() < kTop - kBelow) l.lines.push_back(x + middle);
+      }
+  return l;
+}
+
+// A region of the plane, given by its distance, sunk into the block along y to a flat floor. Its
+// outline is the line angle.
+LineAngles sunk(const std::string& name, const std::function<double(double, double)>& region,
+                const std::vector<std::array<double, 2>>& outline) {
+  constexpr double kFloor = 0.62;
+  LineAngles l{name,
+               [=](const Vec3& x) {
+                 const double side = region(x.x(), x.z()), under = kFloor - x.y();
+                 return std::hypot(std::max(side, 0.0), std::max(under, 0.0)) +
+                        std::min(std::max(side, under), 0.0);
+               },
+               {}};
+  for (const auto& [x, z] : outline) l.lines.push_back({x, kFloor, z});
+  return l;
+}
+
+LineAngles cylinder_cut(double radius) {
+  std::vector<std::array<double, 2>> outline;
+  for (int i = 0; i < 360; ++i)
+    outline.push_back({radius * std::cos(i * kPi / 180), radius * std::sin(i * kPi / 180)});
+  return sunk(
+      "cylinder of " + std::to_string(radius),
+      [=](double x, double z) { return std::hypot(x, z) - radius; }, outline);
+}
+
+LineAngles slot_cut() {
+  static constexpr double kRadius = 0.5, kWay = 0.6;
+  std::vector<std::array<double, 2>> outline;
+  for (int i = 0; i < 360; ++i) {
+    const double c = kRadius * std::cos(i * kPi / 180), s = kRadius * std::sin(i * kPi / 180);
+    outline.push_back({c, s + (s > 0 ? kWay : -kWay)});
+  }
+  for (double z = -kWay; z <= kWay; z += 0.01)
+    for (const double x : {-kRadius, kRadius}) outline.push_back({x, z});
+  return sunk(
+      "slot",
+      [](double x, double z) { return std::hypot(x, z - std::clamp(z, -kWay, kWay)) - kRadius; },
+      outline);
+}
+
+// Two boxes of different depth side by side: a step, whose edge is one of the tooth.
+LineAngles stepped_cut() {
+  static constexpr double kLow = 0.3, kHigh = 0.8, kStep = 0.07, kHalf = 0.9;
+  LineAngles l{"step",
+               [](const Vec3& x) {
+                 const auto box = [&](double left, double floor) {
+                   return box_distance(x - Vec3(left, floor + 1, 0), Vec3(1, 1, kHalf));
+                 };
+                 return std::min(box(kStep - 1, kLow), box(kStep, kHigh));
+               },
+               {}};
+  for (double z = -0.7; z <= 0.7; z += 0.01) l.lines.push_back({kStep, kHigh, z});
+  return l;
+}
+
+LineAngles turned(const LineAngles& l, const Quat& q, const Vec3& shift) {
+  LineAngles t{l.name, [=](const Vec3& x) { return l.cut(q.conjugate() * (x - shift)); }, l.lines};
+  for (Vec3& x : t.lines) x = q * x + shift;
+  return t;
+}
+
+// The value that so much of them is not above.
+double quantile(std::vector<double> values, double part) {
+  std::sort(values.begin(), values.end());
+  return values.at(static_cast<std::size_t>(part * static_cast<double>(values.size() - 1)));
+}
+
+struct LineAngleErrors {      // voxels
+  std::vector<double> lines;  // from points on the exact lines to the surface
+  std::vector<double> faces;  // from the middles of triangles to the exact cut
+};
+
+LineAngleErrors errors_of(const TriangleMesh& mesh, const LineAngles& l, const Field& block,
+                          double voxel) {
+  LineAngleErrors errors;
+  const TriangleTree tree(mesh);
+  for (const Vec3& x : l.lines) errors.lines.push_back(tree.nearest(x).distance / voxel);
+  for (const auto& t : mesh.triangles) {
+    Vec3 x = Vec3::Zero();
+    for (const std::uint32_t v : t) x += mesh.vertices[v].cast<double>() / 3;
+    if (block(x) < -2 * voxel) errors.faces.push_back(std::abs(l.cut(x)) / voxel);
+  }
+  return errors;
+}
+
+constexpr std::array<double, 2> kVoxels = {0.1, 0.05};
+const Vec3 kShift(0.013, 0.031, 0.047);  // so that nothing lies on the lattice
+
+// One field alone has them 0.2 to 0.48 voxels off in the middle, 0.79 at most. What is left are
+// corners of three faces, and places where the edge passes between lattice points.
+TEST(SharpSurface, NineTenthsOfTheLineAnglesOfACutAreWithinATenthOfAVoxelOfWhatTheBurSwept) {
+  const Quat upright = Quat::Identity(), tilted(Eigen::AngleAxisd(0.6, Vec3(1, 2, 3).normalized()));
+  for (const Quat& q : {upright, tilted})
+    for (const LineAngles& upright_cut :
+         {box_cut(Vec3(0.1, 1.2, 0), Vec3(0.8, 0.7, 0.6)), cylinder_cut(0.5), cylinder_cut(0.3),
+          slot_cut(), stepped_cut()})
+      for (const double voxel : kVoxels) {
+        const LineAngles l = turned(upright_cut, q, kShift);
+        const std::string what =
+            l.name + (q.w() == 1 ? ", upright, " : ", tilted, ") + std::to_string(voxel);
+        SCOPED_TRACE(what);
+        const Field block = [&](const Vec3& x) {
+          return box_distance(q.conjugate() * (x - kShift), Vec3(1.6, kTop, 1.7));
+        };
+        const LayeredTooth tooth = cut_tooth(block, l.cut, 2.9, voxel);
+        const SharpSurface surface = extract_sharp_surface(tooth);
+        ASSERT_FALSE(surface.creases.empty());
+        const auto [lines, faces] = errors_of(surface.mesh, l, block, voxel);
+        const auto [bevelled, bevelled_faces] =
+            errors_of(extract_surface(tooth, SurfaceOf::kAll), l, block, voxel);
+        std::printf("%-32s lines %.3f %.3f %.3f %.3f  one field %.3f %.3f  faces %.3f %.3f\n",
+                    what.c_str(), quantile(lines, 0.5), quantile(lines, 0.9), quantile(lines, 0.95),
+                    quantile(lines, 1), quantile(bevelled, 0.5), quantile(bevelled, 1),
+                    quantile(faces, 0.99), quantile(faces, 1));
+        EXPECT_LT(quantile(lines, 0.5), 0.025);
+        EXPECT_LT(quantile(lines, 0.9), 0.1);
+        EXPECT_LT(quantile(lines, 0.95), 0.21);
+        EXPECT_LT(quantile(lines, 1), 0.8 * quantile(bevelled, 1));
+        EXPECT_LT(quantile(faces, 0.99), 0.12);
+        if (voxel == 0.1) expect_valid(surface.mesh);
+      }
+}
+
+TEST(SharpSurface, WhatIsRoundStaysRound) {
+  for (const double voxel : kVoxels) {
+    SCOPED_TRACE(voxel);
+    const Field block = [](const Vec3& x) {
+      return box_distance(x - kShift, Vec3(1.6, kTop, 1.7));
+    };
+    // A ball of three voxels, and edges rounded by two.
+    const LineAngles ball{"ball", [=](const Vec3& x) { return x.norm() - 3 * voxel; }, {}};
+    EXPECT_TRUE(extract_sharp_surface(cut_tooth(block, ball.cut, 2, voxel)).creases.empty());
+    const double radius = 2 * voxel;
+    const LineAngles rounded{
+        "rounded",
+        [=](const Vec3& x) {
+          return box_distance(x - kShift, Vec3(0.8, 0.7, 0.6) - Vec3::Constant(radius)) - radius;
+        },
+        {}};
+    const LayeredTooth tooth = cut_tooth(block, rounded.cut, 2, voxel);
+    EXPECT_LT(
+        quantile(errors_of(extract_sharp_surface(tooth).mesh, rounded, block, voxel).faces, 1),
+        0.25);
+  }
 }
 
 // One field bevels the margin: what it loses there is of the order of D² times the margin's length.
@@ -228,8 +400,8 @@ Field noise(double negative, double voxel, std::uint64_t salt) {
   };
 }
 
-// One field makes all cases of a cell, the other is zero here and there: cells of one field, of both,
-// and those between them, with any of their faces divided.
+// One field makes all cases of a cell, the other is zero here and there: cells of one field, of
+// both, and those between them, with any of their faces divided.
 TEST(SharpSurface, OfNoiseIsValidInCellsOfEveryKind) {
   constexpr double kVoxel = 0.1;
   for (const double rare : {0.004, 0.02, 0.05, 0.1}) {
@@ -275,8 +447,8 @@ TEST(SharpSurface, OfRandomShapesIsValid) {
   }
 }
 
-// Cells are divided at the margin only. Here it is 2 pi 0.6 mm long: some 60 cells of 0.1 mm along it, each
-// of some 12 triangles, as many around these, beside the 67 000 triangles of the sphere.
+// Cells are divided at the margin only. Here it is 2 pi 0.6 mm long: some 60 cells of 0.1 mm along
+// it, each of some 12 triangles, as many around these, beside the 67 000 triangles of the sphere.
 TEST(SharpSurface, HasHardlyMoreTrianglesThanOneFieldsSurface) {
   const Preparation p = ball_in_sphere(Quat::Identity());
   const LayeredTooth tooth = cut_tooth(p.tooth, p.cut, 3.1, 0.1);
@@ -284,6 +456,20 @@ TEST(SharpSurface, HasHardlyMoreTrianglesThanOneFieldsSurface) {
                one = static_cast<double>(extract_surface(tooth, SurfaceOf::kAll).triangles.size());
   RecordProperty("triangles", std::to_string(sharp) + " against " + std::to_string(one));
   EXPECT_LT(sharp / one, 1.1);
+}
+
+TEST(CrossingTriangles, HaveMoreInCommonThanCornersAndEdges) {
+  TriangleMesh mesh;
+  mesh.vertices = {{0, 0, 0}, {4, 0, 0}, {0, 4, 0}, {1, 1, -1}, {1, 1, 1},
+                   {3, 3, 1}, {4, 4, 0}, {9, 9, 9}, {5, 5, -1}, {5, 5, 1}};
+  mesh.triangles = {{0, 1, 2}, {3, 4, 5}, {1, 2, 6}, {0, 3, 4}, {7, 8, 9}, {0, 5, 7}, {2, 1, 5}};
+  EXPECT_TRUE(cross(mesh, 0, 1)) << "one edge passes through the other";
+  EXPECT_TRUE(cross(mesh, 1, 0));
+  EXPECT_TRUE(cross(mesh, 0, 3)) << "they share a corner, and the edge opposite passes through";
+  EXPECT_FALSE(cross(mesh, 0, 2)) << "neighbours in a plane";
+  EXPECT_FALSE(cross(mesh, 0, 6)) << "neighbours at an angle";
+  EXPECT_FALSE(cross(mesh, 0, 4)) << "the plane is met beside the triangle";
+  EXPECT_FALSE(cross(mesh, 0, 5)) << "they share a corner";
 }
 
 TEST(PyramidLoops, PassEveryCrossedEdgeOnce) {
@@ -316,14 +502,18 @@ TEST(PyramidLoops, PassEveryCrossedEdgeOnce) {
 }
 
 TEST(SharpSurface, IsTheSameWhateverTheThreads) {
-  const Preparation p = ball_in_sphere(Quat::Identity());
-  const LayeredTooth tooth = cut_tooth(p.tooth, p.cut, 3.1, 0.1);
+  const Quat tilted(Eigen::AngleAxisd(0.6, Vec3(1, 2, 3).normalized()));
+  const LineAngles l = turned(box_cut(Vec3(0.1, 1.2, 0), Vec3(0.8, 0.7, 0.6)), tilted, kShift);
+  const LayeredTooth tooth =
+      cut_tooth([](const Vec3& x) { return x.norm() - 1.7; }, l.cut, 1.9, 0.1);
   const SharpSurface all = extract_sharp_surface(tooth);
+  ASSERT_FALSE(all.creases.empty());
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   const SharpSurface alone = extract_sharp_surface(tooth);
   EXPECT_EQ(all.mesh.vertices, alone.mesh.vertices);
   EXPECT_EQ(all.mesh.triangles, alone.mesh.triangles);
   EXPECT_EQ(all.margin, alone.margin);
+  EXPECT_EQ(all.creases, alone.creases);
 }
 
 TEST(SharpSurface, NeedsAToothWhoseCutIsKnown) {

@@ -205,8 +205,8 @@ TEST(Closing, WhatWouldBeInventedIsRefused) {
 class MeshFiles : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(::testing::TempDir()) / "closing";
-    std::filesystem::create_directories(folder_);
+    std::string pattern = (std::filesystem::path(::testing::TempDir()) / "closing-XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }

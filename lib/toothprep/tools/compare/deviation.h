@@ -18,8 +18,9 @@
 // wall that was cut too far by w, |d| falls from w to 0 over the uppermost w mm of the wall,
 // because the uncut surface of the target is nearer than its wall.
 //
-// Accuracy: the distances themselves are exact to 1e-5 mm; the surfaces are marching-cubes
-// surfaces, whose edges are bevelled within a voxel.
+// Accuracy: the distances themselves are exact to 1e-5 mm. Surfaces of teeth that were cut here have sharp
+// margins and line angles (sharp_surface.h); those of other teeth are marching-cubes surfaces, whose edges are
+// bevelled within a voxel.
 #pragma once
 
 #include <array>

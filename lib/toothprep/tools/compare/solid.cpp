@@ -12,6 +12,7 @@
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/file_extension.h"
+#include "toothprep/tools/mesh/sharp_surface.h"
 #include "toothprep/tools/mesh_files/mesh_file.h"
 #include "toothprep/tools/shells/shells.h"
 
@@ -289,7 +290,7 @@ Solid solid_of(std::string name, LayeredTooth tooth) {
   Solid solid;
   solid.file = std::move(name);
   solid.sha256 = tooth_sha256(tooth);
-  solid.surface = extract_surface(tooth, SurfaceOf::kAll);
+  solid.surface = sharpest_surface(tooth);
   if (solid.surface.triangles.empty())
     throw InputError(solid.file, "grid 'solid'", "nothing is left of the tooth");
   solid.tooth = std::move(tooth);
@@ -362,7 +363,7 @@ Solid on_lattice(const Solid& solid, const Solid& original, const Pose& motion) 
                                     copied(solid.tooth.parts->cut, offset, onto.solid, band)};
   }
   if (!open_sides.empty() || !original.open_sides.empty())
-    result.surface = extract_surface(result.tooth, SurfaceOf::kAll);
+    result.surface = sharpest_surface(result.tooth);
   else if (!solid.layered)
     result.surface.tissue = tissue_of_vertices(result.surface, onto);
   return result;

@@ -35,7 +35,7 @@ struct Solid {           // a tooth or a mesh as something to compare
 };
 
 // A tooth file (.vdb), or a mesh (.stl, .ply, .obj, .off, .gz of these; of `mm_per_unit`, else mm)
-// that becomes voxels of `voxel` mm. The surface of a tooth is extract_surface(); that of a mesh is
+// that becomes voxels of `voxel` mm. The surface of a tooth is sharpest_surface(); that of a mesh is
 // the mesh itself, its edges halved until none is longer than two voxels, so that figures per
 // vertex are dense. A mesh is mended and closed as close_shell() does, with warnings. Throws
 // InputError for what can't be read, another extension, a mesh that can't be closed without

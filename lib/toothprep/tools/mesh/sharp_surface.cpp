@@ -11,26 +11,21 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/tooth/cell_cases.h"
 #include "toothprep/step/tooth/tissue_under.h"
+#include "toothprep/tools/mesh/crease_vertices.h"
+#include "toothprep/tools/mesh/cut_creases.h"
 #include "toothprep/tools/mesh/pyramid_loops.h"
+#include "toothprep/tools/mesh/two_fields.h"
 
 namespace toothprep {
 namespace {
 
-// No sample is nearer to zero than this part of a voxel, so that no vertex coincides with a voxel's
-// centre; nor are the fields nearer to one another (a cut that follows the tooth's own surface
-// leaves that surface) or to one another's opposite (a wall that is thinner is no wall). It moves
-// the surfaces by no more than that and twice that.
-constexpr float kLeastVoxels = 0.005F;
-
-// Codes of vertices: of edges from 0 (direction - 1, and 7 more for g), of faces, of the ways from a
-// cell's corners to its middle (the corner, and 8 more for g).
-constexpr int kFaceCodes = 14, kMiddleCodes = kFaceCodes + 49;
+// Codes of vertices: of edges from 0 (direction - 1, and 7 more for g), of faces, of the ways from
+// a cell's corners to its middle (the corner, and 8 more for g), of the crease in a cell.
+constexpr int kFaceCodes = 14, kMiddleCodes = kFaceCodes + 49, kCreaseCode = kMiddleCodes + 16;
 constexpr std::uint64_t kCodes = 128;
 
-Index3 corner_offset(int corner) { return Index3(corner & 1, corner >> 1 & 1, corner >> 2 & 1); }
-
-// The six tetrahedra of a cell run along its edges from corner 0 to corner 7, an axis after another.
-// Corners are bit masks as in step/tooth/cell_cases.h; each holds the one before.
+// The six tetrahedra of a cell run along its edges from corner 0 to corner 7, an axis after
+// another. Corners are bit masks as in step/tooth/cell_cases.h; each holds the one before.
 struct Tetrahedron {
   std::array<int, 4> corner;
   bool positive;  // its corners turn right-handed
@@ -42,60 +37,9 @@ constexpr std::array<Tetrahedron, 6> kTetrahedra = {{{{0, 1, 3, 7}, true},
                                                      {{0, 1, 5, 7}, false},
                                                      {{0, 4, 6, 7}, false}}};
 
-// Both fields, mm. Index 0 is f, 1 is g.
-class Fields {
- public:
-  explicit Fields(const LayeredTooth& tooth)
-      : intact_(tooth.parts->intact),
-        cut_(tooth.parts->cut),
-        least_(kLeastVoxels * static_cast<float>(tooth.lattice.voxel)) {}
-  std::array<float, 2> at(const Index3& i) const {
-    const float f = kept_away(intact_.value(i.x(), i.y(), i.z()));
-    const float g = -cut_.value(i.x(), i.y(), i.z());
-    return {f, kept_away(std::abs(g - f) < least_   ? f - least_
-                         : std::abs(g + f) < least_ ? least_ - f
-                                                    : g)};
-  }
-  // Of one field, in a cell's middle.
-  float middle(const Index3& cell, int field) const {
-    float sum = 0;
-    for (int c = 0; c < 8; ++c) sum += at(cell + corner_offset(c))[field];
-    return kept_away(sum / 8);
-  }
-  // Bricks along each axis, with one more layer at the lower sides, whose cells reach into the box.
-  Index3 brick_counts() const { return intact_.brick_counts() + Index3::Ones(); }
-  Index3 first_voxel() const { return (intact_.first_brick() - Index3::Ones()) * kBrickEdge; }
-  // Whether the surface can pass through a cell that starts in the brick: not if a field is known to
-  // be positive in it and its upper neighbours, or both to be negative.
-  bool may_pass(const Index3& first) const {
-    bool f_out = true, g_out = true, inside = true;
-    for (int n = 0; n < 8; ++n) {
-      const Index3 i = first + kBrickEdge * corner_offset(n);
-      const std::optional<float> f = uniform(intact_, i), g = uniform(cut_, i);
-      f_out = f_out && f && *f > 0;
-      g_out = g_out && g && *g < 0;
-      inside = inside && f && *f < 0 && g && *g > 0;
-    }
-    return !f_out && !g_out && !inside;
-  }
-
- private:
-  float kept_away(float v) const {
-    return std::abs(v) < least_ ? std::copysign(least_, v < 0 ? -1.0F : 1.0F) : v;
-  }
-  static std::optional<float> uniform(const LevelSet& grid, const Index3& i) {
-    const std::int64_t b = grid.brick_index(i.x(), i.y(), i.z());
-    if (b < 0) return grid.background();
-    if (!grid.is_uniform(static_cast<std::size_t>(b))) return std::nullopt;
-    return grid.uniform_value(static_cast<std::size_t>(b));
-  }
-  const LevelSet &intact_, &cut_;
-  float least_;
-};
-
 // Vertices are named by a voxel, counted from the box's lower corner, and a code: of the edge from
-// there that crosses a field, of the face from there on which both are zero, or of the way to the
-// middle of the cell there that crosses a field.
+// there that crosses a field, of the face from there on which both are zero, of the way to the
+// middle of the cell there that crosses a field, or of that cell's crease.
 class Names {
  public:
   explicit Names(const Fields& fields)
@@ -110,6 +54,8 @@ class Names {
   std::uint64_t of_middle(const Index3& cell, int corner, int field) const {
     return name(cell, kMiddleCodes + 8 * field + corner);
   }
+  std::uint64_t of_crease(const Index3& cell) const { return name(cell, kCreaseCode); }
+  static bool is_crease(std::uint64_t name) { return name % kCodes == kCreaseCode; }
   Index3 voxel(std::uint64_t name) const {
     const std::uint64_t v = name / kCodes, y = static_cast<std::uint64_t>(counts_.y()),
                         z = static_cast<std::uint64_t>(counts_.z());
@@ -130,7 +76,7 @@ class Names {
 // What one brick's cells add.
 struct Piece {
   std::vector<std::array<std::uint64_t, 3>> triangles;
-  std::vector<std::array<std::uint64_t, 2>> margin;
+  std::vector<std::array<std::uint64_t, 2>> margin, creases;
 };
 
 struct Edge {  // of a tetrahedron: corners in its order, from < to
@@ -219,29 +165,6 @@ void add_polygon(const Index3& cell, const Tetrahedron& t, const Corners& s, int
 
 // ---- Cells
 
-using CellValues = std::array<std::array<float, 2>, 8>;  // both fields at a cell's corners
-
-// How a cell's surface is found. Where only one field has a zero in it, and the other is negative,
-// the surface is that field's alone.
-enum class CellKind { kEmpty, kIntact, kCut, kMargin };
-
-CellKind kind_of(const CellValues& corner) {
-  std::array<int, 2> negatives{};
-  for (const auto& values : corner)
-    for (int field = 0; field < 2; ++field) negatives[field] += values[field] < 0;
-  if (negatives[0] == 0 || negatives[1] == 0 || negatives[0] + negatives[1] == 16)
-    return CellKind::kEmpty;
-  return negatives[1] == 8   ? CellKind::kIntact
-         : negatives[0] == 8 ? CellKind::kCut
-                             : CellKind::kMargin;
-}
-
-unsigned negative_corners(const CellValues& corner, int field) {
-  unsigned negative = 0;
-  for (int c = 0; c < 8; ++c) negative |= static_cast<unsigned>(corner[c][field] < 0) << c;
-  return negative;
-}
-
 void add_tetrahedra(const Index3& cell, const CellValues& corner, const Names& names,
                     Piece& piece) {
   for (const Tetrahedron& t : kTetrahedra) {
@@ -276,14 +199,6 @@ void add_cube(const Index3& cell, const CellValues& corner, int field, const Nam
   }
 }
 
-// A face's corners, counter-clockwise seen from outside. The first and the third are the ends of the
-// diagonal that divides it in tetrahedra.
-std::array<int, 4> corners_of_face(int axis, int side) {
-  const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3, base = side << axis;
-  return side == 0 ? std::array{base, base | v, base | u | v, base | u}
-                   : std::array{base, base | u, base | u | v, base | v};
-}
-
 // One field's surface in a cell whose faces `divided` (bits: 2 axis + side) are those of
 // tetrahedra: by a pyramid over each face, over those by two.
 void add_pyramids(const Index3& cell, const CellValues& corner, int field, unsigned divided,
@@ -316,44 +231,26 @@ void add_pyramids(const Index3& cell, const CellValues& corner, int field, unsig
     }
 }
 
-// Both fields at the voxels of a brick and of the first layer of its upper neighbours.
-class BrickSamples {
- public:
-  BrickSamples(const Fields& fields, const Index3& first) : fields_(fields), first_(first) {
-    for (int x = 0; x < kSide; ++x)
-      for (int y = 0; y < kSide; ++y)
-        for (int z = 0; z < kSide; ++z)
-          samples_[offset(x, y, z)] = fields.at(first + Index3(x, y, z));
+// A cell with a crease: its surface's border on the cell's faces is joined to the crease's point.
+// If the neighbour behind a face has one too, both points are joined across the face in place of
+// the border there.
+void add_creased(const Index3& cell, const CellValues& corner, unsigned divided,
+                 const CutCreases& creases, const Names& names, Piece& piece) {
+  const std::uint64_t point = names.of_crease(cell);
+  for (const Segment& s : segments_on_faces(negative_corners(corner, 1), divided)) {
+    const auto vertex = [&](int end) {
+      return names.of_edge(cell, s.edge[end][0], s.edge[end][1], 1);
+    };
+    const Index3 neighbour = cell + (2 * (s.face % 2) - 1) * Index3::Unit(s.face / 2);
+    const bool joined = s.lone && creases.at(neighbour) != nullptr;
+    const std::uint64_t other = joined ? names.of_crease(neighbour) : vertex(1);
+    piece.triangles.push_back({point, vertex(0), other});
+    if (joined && s.face % 2 == 1) piece.creases.push_back({point, other});
   }
-  CellValues cell(const Index3& at) const {
-    const bool within = at.minCoeff() >= 0 && at.maxCoeff() < kBrickEdge;
-    CellValues corner;
-    for (int c = 0; c < 8; ++c) {
-      const Index3 i = at + corner_offset(c);
-      corner[c] = within ? samples_[offset(i.x(), i.y(), i.z())] : fields_.at(first_ + i);
-    }
-    return corner;
-  }
-  // The faces of a cell, as bits, behind which a cell is divided into tetrahedra.
-  unsigned divided_faces(const Index3& at) const {
-    unsigned faces = 0;
-    for (int axis = 0; axis < 3; ++axis)
-      for (int side = 0; side < 2; ++side)
-        if (kind_of(cell(at + (2 * side - 1) * Index3::Unit(axis))) == CellKind::kMargin)
-          faces |= 1U << (2 * axis + side);
-    return faces;
-  }
+}
 
- private:
-  static constexpr int kSide = kBrickEdge + 1;
-  static int offset(int x, int y, int z) { return (x * kSide + y) * kSide + z; }
-  const Fields& fields_;
-  Index3 first_;
-  std::array<std::array<float, 2>, kSide * kSide * kSide> samples_;
-};
-
-Piece piece_of(const Fields& fields, const Names& names, const Index3& first) {
-  const BrickSamples samples(fields, first);
+Piece piece_of(const BrickSamples& samples, const Fields& fields, const CutCreases& creases,
+               const Names& names, const Index3& first) {
   Piece piece;
   for (int v = 0; v < kBrickVoxels; ++v) {
     const Index3 at(v >> 6, v >> 3 & 7, v & 7);
@@ -365,7 +262,10 @@ Piece piece_of(const Fields& fields, const Names& names, const Index3& first) {
       continue;
     }
     const int field = kind == CellKind::kIntact ? 0 : 1;
-    if (const unsigned divided = samples.divided_faces(at); divided != 0)
+    const unsigned divided = samples.divided_faces(at);
+    if (field == 1 && creases.at(first + at) != nullptr)
+      add_creased(first + at, corner, divided, creases, names, piece);
+    else if (divided != 0)
       add_pyramids(first + at, corner, field, divided, fields, names, piece);
     else
       add_cube(first + at, corner, field, names, piece);
@@ -398,16 +298,58 @@ Vertex vertex_to_middle(const LayeredTooth& tooth, const Fields& fields, const I
   return vertex;
 }
 
-Vertex vertex_of(const LayeredTooth& tooth, const Fields& fields, const Names& names,
-                 std::uint64_t name) {
+// Of a crease.
+Vertex vertex_of_crease(const LayeredTooth& tooth, const Fields& fields, const Crease& crease,
+                        const Index3& cell) {
+  int deepest = 0;
+  const auto depth = [&](int corner) { return fields.at(cell + corner_offset(corner))[1]; };
+  for (int c = 1; c < 8; ++c)
+    if (depth(c) < depth(deepest)) deepest = c;
+  return {crease.at, tissue_under(tooth, cell + corner_offset(deepest),
+                                  cell + corner_offset(7 - deepest), 0.5)};
+}
+
+// Where the cut crosses an edge of the lattice, 0 to 1: by the faces of the creases in the cells
+// about it, if they have any, else by linear interpolation. Where the margin is in one of these
+// cells it's linear too, as it is there.
+double crossing_of_cut(const Fields& fields, const CutCreases& creases, const Index3& voxel,
+                       int axis, double here, double there, double voxel_size) {
+  const double linear = here / (here - there);
+  double sum = 0;
+  int count = 0;
+  for (int k = 0; k < 4; ++k) {
+    const Index3 cell =
+        voxel - (k & 1) * Index3::Unit((axis + 1) % 3) - (k >> 1) * Index3::Unit((axis + 2) % 3);
+    if (fields.kind(cell) == CellKind::kMargin) return linear;
+    const Crease* crease = creases.at(cell);
+    if (crease == nullptr) continue;
+    if (const std::optional<double> t = crease->crossing(voxel, axis)) {
+      sum += *t;
+      ++count;
+    }
+  }
+  if (count == 0) return linear;
+  // The surface is no nearer to a voxel than its sample says.
+  const double least = std::max(std::abs(here) / voxel_size, kEdgeMargin),
+               most = std::min(1 - std::abs(there) / voxel_size, 1 - kEdgeMargin);
+  return least < most ? std::clamp(sum / count, least, most) : linear;
+}
+
+Vertex vertex_of(const LayeredTooth& tooth, const Fields& fields, const CutCreases& creases,
+                 const Names& names, std::uint64_t name) {
   const Index3 a = names.voxel(name);
   const auto code = static_cast<int>(name % kCodes);
+  if (code == kCreaseCode) return vertex_of_crease(tooth, fields, *creases.at(a), a);
   if (code >= kMiddleCodes)
     return vertex_to_middle(tooth, fields, a, (code - kMiddleCodes) % 8, (code - kMiddleCodes) / 8);
   if (code < kFaceCodes) {
     const int field = code / 7;
-    const Index3 b = a + corner_offset(code % 7 + 1);
-    const double u = fields.at(a)[field], v = fields.at(b)[field], t = u / (u - v);
+    const Index3 step = corner_offset(code % 7 + 1), b = a + step;
+    const double u = fields.at(a)[field], v = fields.at(b)[field];
+    const double t = field == 1 && step.sum() == 1
+                         ? crossing_of_cut(fields, creases, a, step.y() + 2 * step.z(), u, v,
+                                           tooth.lattice.voxel)
+                         : u / (u - v);
     return {a.cast<double>() + t * (b - a).cast<double>(),
             u < 0 ? tissue_under(tooth, a, b, t) : tissue_under(tooth, b, a, 1 - t)};
   }
@@ -439,21 +381,22 @@ SharpSurface extract_sharp_surface(const LayeredTooth& tooth) {
   if (!tooth.parts) throw Error("the tooth's cut isn't known, so its margin isn't either");
   const Fields fields(tooth);
   const Names names(fields);
-  const Index3 counts = fields.brick_counts();
-  std::vector<Piece> pieces(counts.cast<std::size_t>().prod());
+  const CutCreases creases(fields, tooth);
+  std::vector<Piece> pieces(fields.bricks());
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t b) {
-    const auto z = static_cast<int>(b % counts.z());
-    const auto y = static_cast<int>(b / counts.z() % counts.y());
-    const auto x = static_cast<int>(b / counts.z() / counts.y());
-    const Index3 first = fields.first_voxel() + kBrickEdge * Index3(x, y, z);
-    if (fields.may_pass(first)) pieces[b] = piece_of(fields, names, first);
+    const Index3 first = fields.brick_origin(b);
+    if (fields.may_pass(first))
+      pieces[b] = piece_of(BrickSamples(fields, first), fields, creases, names, first);
   });
 
   std::vector<std::array<std::uint64_t, 3>> triangles;
-  std::vector<std::array<std::uint64_t, 2>> margin;
+  std::vector<std::array<std::uint64_t, 2>> margin, crease_edges;
+  std::vector<std::size_t> first_triangle;
   for (const Piece& piece : pieces) {
+    first_triangle.push_back(triangles.size());
     triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
     margin.insert(margin.end(), piece.margin.begin(), piece.margin.end());
+    crease_edges.insert(crease_edges.end(), piece.creases.begin(), piece.creases.end());
   }
   if (triangles.size() > std::numeric_limits<std::int32_t>::max() / 3)
     throw Error("the surface has " + std::to_string(triangles.size()) +
@@ -474,14 +417,22 @@ SharpSurface extract_sharp_surface(const LayeredTooth& tooth) {
   mesh.tissue.resize(used.size());
   mesh.triangles.resize(triangles.size());
   tbb::parallel_for(std::size_t{0}, used.size(), [&](std::size_t v) {
-    const Vertex vertex = vertex_of(tooth, fields, names, used[v]);
+    const Vertex vertex = vertex_of(tooth, fields, creases, names, used[v]);
     mesh.vertices[v] = (tooth.lattice.origin + tooth.lattice.voxel * vertex.at).cast<float>();
     mesh.tissue[v] = vertex.tissue;
   });
   tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t t) {
     for (int k = 0; k < 3; ++k) mesh.triangles[t][k] = number(triangles[t][k]);
   });
+  first_triangle.push_back(triangles.size());
+  CreaseVertices crease_vertices(mesh, tooth.lattice, fields, std::move(first_triangle));
+  for (std::size_t v = 0; v < used.size(); ++v)
+    if (const Index3 cell = names.voxel(used[v]); Names::is_crease(used[v]))
+      crease_vertices.add(static_cast<std::uint32_t>(v), cell, *creases.at(cell));
+  crease_vertices.keep_clear();
   for (const auto& edge : margin) surface.margin.push_back({number(edge[0]), number(edge[1])});
+  for (const auto& edge : crease_edges)
+    surface.creases.push_back({number(edge[0]), number(edge[1])});
   return surface;
 }
 

@@ -56,8 +56,19 @@ struct Bench {
   void note(const std::string& text) { result.notes.push_back(text); }
 };
 
-double angle_uncertainty(double resolution, double span) {
-  return std::atan(resolution / span) / kDegree;
+// Of a face of that length. In labels a wall can lie straight between two steps, and is measured to a quarter
+// of a voxel besides.
+double angle_uncertainty(const Bench& bench, double span) {
+  const double steps = bench.options.cut_label_spacing;
+  const double across =
+      steps > 0 ? std::max(bench.voxel(), steps + bench.voxel() / 4) : bench.voxel();
+  return std::atan(across / span) / kDegree;
+}
+
+// Of the sum of two opposite walls' angles. Labels err alike on both sides.
+double angle_uncertainty(const Bench& bench, double span, double opposite_span) {
+  const double a = angle_uncertainty(bench, span), b = angle_uncertainty(bench, opposite_span);
+  return bench.options.cut_label_spacing > 0 ? a + b : std::hypot(a, b);
 }
 
 std::string text_of(double value, fmt::format_string<double> format) {
@@ -129,7 +140,7 @@ void add_angles(Bench& bench, const std::array<Wall, 4>& walls) {
   for (const Wall& wall : walls)
     if (!wall.middle.empty())
       bench.add("wall_angles_deg." + side_name(wall.side, bench.frame()), wall.angle_deg,
-                angle_uncertainty(bench.resolution(), wall.height), "deg");
+                angle_uncertainty(bench, wall.height), "deg");
   const bool crown = bench.options.type == PreparationType::kCrown;
   double sum = 0, variance = 0;
   int count = 0;
@@ -138,8 +149,7 @@ void add_angles(Bench& bench, const std::array<Wall, 4>& walls) {
     const Wall& b = walls[static_cast<int>(opposite(side))];
     if (a.middle.empty() || b.middle.empty()) continue;
     const double both = (a.angle_deg + b.angle_deg) * (crown ? 1 : -1);
-    const double uncertainty = std::hypot(angle_uncertainty(bench.resolution(), a.height),
-                                          angle_uncertainty(bench.resolution(), b.height));
+    const double uncertainty = angle_uncertainty(bench, a.height, b.height);
     bench.add(
         std::string("convergence_deg.") + (side == Side::kBuccal ? "buccolingual" : "mesiodistal"),
         both, uncertainty, "deg");
@@ -166,7 +176,7 @@ void add_wall_height(Bench& bench, const std::vector<WallFacet>& walls) {
 }
 
 void add_floor(Bench& bench, const Floor& floor, const std::string& prefix) {
-  const double uncertainty = angle_uncertainty(bench.resolution(), std::sqrt(floor.area));
+  const double uncertainty = angle_uncertainty(bench, std::sqrt(floor.area));
   bench.add_length(prefix + "floor_flatness_mm", floor.flatness);
   bench.add(prefix + "floor_tilt_deg", floor.plane.tilt_deg(), uncertainty, "deg");
 }
@@ -290,7 +300,7 @@ void measure_box(Bench& bench, int gingival, int pulpal) {
     if (wall.middle.empty() || &wall == open) continue;
     bench.add("wall_angles_deg." + (&wall == &axial ? std::string("axial")
                                                     : "proximal_" + side_name(wall.side, frame)),
-              wall.angle_deg, angle_uncertainty(bench.resolution(), wall.height), "deg");
+              wall.angle_deg, angle_uncertainty(bench, wall.height), "deg");
   }
   // Half-way between the floors; beside the isthmus the axial wall goes on to the margin.
   Weighted reach;

@@ -1,0 +1,44 @@
+#include "toothprep/tools/mesh/crossing_triangles.h"
+
+#include <algorithm>
+
+namespace toothprep {
+namespace {
+
+// Six times the volume of a tetrahedron of vertices. They are of single precision, so its sign is
+// right but for volumes that are next to nothing.
+double volume(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
+  return (b - a).cross(c - a).dot(d - a);
+}
+
+bool segment_crosses(const Vec3& p, const Vec3& q, const std::array<Vec3, 3>& t) {
+  const double above = volume(t[0], t[1], t[2], p), below = volume(t[0], t[1], t[2], q);
+  if (above * below > 0 || (above == 0 && below == 0)) return false;
+  const std::array<double, 3> side = {volume(p, q, t[0], t[1]), volume(p, q, t[1], t[2]),
+                                      volume(p, q, t[2], t[0])};
+  return *std::min_element(side.begin(), side.end()) >= 0 ||
+         *std::max_element(side.begin(), side.end()) <= 0;
+}
+
+}  // namespace
+
+bool cross(const TriangleMesh& mesh, std::size_t a, std::size_t b) {
+  const std::array<std::size_t, 2> triangle = {a, b};
+  std::array<std::array<Vec3, 3>, 2> at;
+  for (int side = 0; side < 2; ++side)
+    for (int k = 0; k < 3; ++k)
+      at[side][k] = mesh.vertices[mesh.triangles[triangle[side]][k]].cast<double>();
+  for (int side = 0; side < 2; ++side) {
+    const auto &own = mesh.triangles[triangle[side]], &other = mesh.triangles[triangle[1 - side]];
+    const auto is_shared = [&](int k) {
+      return std::find(other.begin(), other.end(), own[k % 3]) != other.end();
+    };
+    for (int k = 0; k < 3; ++k)
+      if (!is_shared(k) && !is_shared(k + 1) &&
+          segment_crosses(at[side][k], at[side][(k + 1) % 3], at[1 - side]))
+        return true;
+  }
+  return false;
+}
+
+}  // namespace toothprep
