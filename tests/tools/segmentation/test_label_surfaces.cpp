@@ -297,10 +297,12 @@ TEST(LabelSurfaces, LengthsAreAsUncertainAsTheLabels) {
   EXPECT_NEAR(width, 0.05, 0.01);  // half a voxel; an axis that is given adds nothing
   options.cut_label_spacing = options.original_label_spacing = 0.3;
   EXPECT_NEAR(uncertainty("width_mm"), 0.3, 0.01);
-  EXPECT_NEAR(uncertainty("wall_angles_deg.mesial") / angle, 3, 0.3);  // tan is nearly linear
+  EXPECT_NEAR(uncertainty("wall_angles_deg.mesial") / angle, 3.25, 0.3);  // tan is nearly linear
+  EXPECT_NEAR(uncertainty("convergence_deg.mesiodistal") / angle, 2 * 3.25, 0.6);
   options.cut_label_spacing = 0;  // cut here: only what it is measured against comes from labels
   EXPECT_NEAR(uncertainty("width_mm"), 0.15, 0.01);
   EXPECT_NEAR(uncertainty("wall_angles_deg.mesial"), angle, 1e-9);
+  EXPECT_NEAR(uncertainty("convergence_deg.mesiodistal") / angle, std::sqrt(2), 0.01);
 }
 
 }  // namespace

@@ -27,9 +27,12 @@ PreparationType type_named(const std::string& name) {
       kPreparationTypes.begin());
 }
 
-void add_volumes(Quantities& quantities, const VolumeComparison& volumes, double voxel) {
+// `shift`: of a volume's whole surface, mm, half width of the 95 % interval.
+void add_volumes(Quantities& quantities, const VolumeComparison& volumes, double voxel,
+                 double shift) {
   const auto add = [&](const std::string& key, double value) {
-    quantities.push_back({key, value, volume_uncertainty_mm3(value, voxel), "mm^3"});
+    const double edge = std::cbrt(std::max(0.0, value)), area = 6 * edge * edge;
+    quantities.push_back({key, value, volume_uncertainty_mm3(value, voxel) + shift * area, "mm^3"});
   };
   for (int k = 0; k < kTissueCount; ++k)
     if (volumes.original.tissue[k] > 0)
@@ -62,7 +65,21 @@ void add_deviation(Quantities& quantities, const Deviation& deviation, double vo
   add("deviation_within_0_2mm", deviation.share_within_0_2, NAN, "1");
 }
 
-// `solid` in the original's frame and lattice. Raises `surface_tolerance_mm` to the noise of the way.
+bool is_of_scan(const Solid& solid) {
+  return solid.layered && !solid.tooth.parts && solid.tooth.provenance.contains("threshold_dentin");
+}
+
+// Two scans of a tooth have each their own noise, also where nothing was cut.
+bool are_of_different_scans(const Solid& a, const Solid& b) {
+  const auto source = [](const Solid& solid) {
+    const auto found = solid.tooth.provenance.find("source_sha256");
+    return found == solid.tooth.provenance.end() ? std::string() : found->second;
+  };
+  return is_of_scan(a) && is_of_scan(b) && source(a) != source(b);
+}
+
+// `solid` in the original's frame and lattice. Raises `surface_tolerance_mm` to the noise of the
+// way.
 Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions& options,
              const char* role, Quantities& quantities, std::vector<std::string>& notes,
              double& surface_tolerance_mm) {
@@ -81,6 +98,7 @@ Solid placed(const Solid& solid, const Solid& original, const AssessmentOptions&
         std::max(surface_tolerance_mm, kResiduals * registration.residual_rms_mm);
   }
   if (!is_identity(motion) || !solid.layered || !original.layered ||
+      are_of_different_scans(solid, original) ||
       !same_lattice(solid.tooth.lattice, original.tooth.lattice))
     surface_tolerance_mm =
         std::max(surface_tolerance_mm, kResampledVoxels * original.tooth.lattice.voxel);
@@ -206,6 +224,15 @@ struct Compared {
   bool pulp_exposed = false;
 };
 
+// Half width of the 95 % interval of a shift, mm, of the whole boundary of what was removed. In
+// labels each face of a cavity is uncertain by half a voxel either way, evenly: 2 x 0.29/sqrt(6)
+// voxels for the sum of six. Noise of 3 % in a scan shifts whole faces by less than a fiftieth of one.
+double surface_shift_mm(const Compared& c, const Solid& prepared) {
+  constexpr double kOfLabels = 0.24, kOfScans = 0.02;
+  const bool of_scans = are_of_different_scans(prepared, c.assessment.original);
+  return std::max(kOfLabels * c.cut_label_spacing, of_scans ? kOfScans * c.coarser_voxel_mm : 0.0);
+}
+
 Compared compared(const AssessmentOptions& options) {
   for (const std::string* file : {&options.original, &options.prepared, &options.target})
     if (!file->empty()) regular_file_size(*file);  // before any work
@@ -248,7 +275,7 @@ Compared compared(const AssessmentOptions& options) {
       compare_volumes(result.original, result.prepared, result.target ? &*result.target : nullptr,
                       c.surface_tolerance_mm);
   c.pulp_exposed = volumes.pulp_exposed;
-  add_volumes(sheet.quantities, volumes, resolution);
+  add_volumes(sheet.quantities, volumes, resolution, surface_shift_mm(c, prepared));
   if (result.target) {
     DeviationOptions deviation;
     deviation.cut_tolerance_mm =
@@ -276,8 +303,10 @@ Assessment assess(const AssessmentOptions& options) {
   Assessment& result = c.assessment;
   ScoreSheet& sheet = result.sheet;
   report_progress(options, "measuring the preparation", 0.6);
-  // Geometry is measured on facets of about a voxel, which a mesh need not have.
-  result.preparation_surface = result.prepared.layered && c.surface_tolerance_mm == 0
+  // Geometry is measured on facets of about a voxel, which neither a mesh nor a sharp edge need
+  // have.
+  const bool has_such_facets = result.prepared.layered && !result.prepared.tooth.parts;
+  result.preparation_surface = has_such_facets && c.surface_tolerance_mm == 0
                                    ? result.prepared.surface
                                    : extract_surface(result.prepared.tooth, SurfaceOf::kAll);
   PreparationOptions preparation = options.preparation;
