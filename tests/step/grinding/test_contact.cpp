@@ -71,6 +71,26 @@ TEST_F(ContactOfACylinder, ASampleCoversVelocitiesNearItsOwnAndNoOthers) {
   EXPECT_FALSE(contact_.covers(Vec3(0, 1, 0)));
 }
 
+// A shank that is lowered into a block, drawn out, and lowered and leant again.
+TEST(AreaInTissueFromStepToStep, IsThatOfEachPose) {
+  const Bur bur = paper_cylinder();
+  const SurfaceElements shank = bur.shank_elements(0.4);
+  const LayeredTooth tooth = block(0.1, 2, Vec3(4, 3, 4));
+  const Workpiece workpiece(tooth);
+  AreaInTissue area(shank);
+  int zero = 0, positive = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const double t = i * 1e-3, depth = 1.2 - 1.6 * std::abs(std::sin(3 * t));
+    const Quat lean(Eigen::AngleAxisd(0.3 * t - 0.2, Vec3::UnitX()));
+    const Pose pose{Vec3(0.3 * t, depth, -bur.head_length()), lean};
+    const double exact = area_in_tissue(shank, workpiece, pose);
+    ASSERT_EQ(area.at(workpiece, pose), exact) << i;
+    ++(exact > 0 ? positive : zero);
+  }
+  EXPECT_GT(zero, 300);
+  EXPECT_GT(positive, 300);
+}
+
 // A model that was sampled all the way finds what one finds that never was: what it keeps from
 // sample to sample changes nothing but the cost.
 TEST(ContactKept, AlongAPathIsWhatALookFinds) {

@@ -116,6 +116,53 @@ TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
   EXPECT_EQ(total_of(removal.removed()), 0);
 }
 
+// What is left out, since the bur can't cut it deeper, is not missing: along a straight way the cut is
+// the exact distance from what was swept, but for the ridges between the places of the bur.
+TEST(StraightSweep, TheCutIsTheDistanceFromWhatWasSwept) {
+  for (const char* name : {"cylinder:D1.2xL3.0", "ball:D1.2", "cone:D1.6xL4.0xT1.2xR0.3"})
+    for (const Vec3& way : {Vec3(0.5, 0, 0), Vec3(0.35, -0.3, 0.1), Vec3(0.1, 0.15, -0.4)}) {
+      const Bur bur = make_bur(name, "");
+      const double voxel = 0.05;
+      const LayeredTooth tooth = block(voxel, 3, Vec3(4, 3, 3));
+      const Quat lean = Quat(0.9, 0.25, -0.1, 0.2).normalized();
+      const Vec3 start(-0.2, -1, -0.5);
+      Workpiece workpiece(tooth);
+      Removal removal(bur, workpiece, {start, lean});
+      removal.clear({start, lean});
+      constexpr int kSteps = 200;
+      for (int i = 1; i <= kSteps; ++i) step(removal, {start + i * way / kSteps, lean});
+      removal.finish({start + way, lean});
+      double most = 0;
+      for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
+        if (tooth.solid.is_uniform(b) && tooth.solid.uniform_value(b) > 0) continue;
+        const Index3 first = tooth.solid.brick_origin(b);
+        for (int v = 0; v < kBrickVoxels; v += 61) {
+          const Index3 at = first + Index3(v >> 6, v >> 3 & 7, v & 7);
+          const Vec3 p = lean.conjugate() * (tooth.lattice.to_world(at) - start);
+          const Vec3 along = lean.conjugate() * way;
+          const auto distance = [&](double t) {
+            const Vec3 q = p - t * along;
+            return bur.distance(std::hypot(q.x(), q.y()), q.z());
+          };
+          double low = 0, high = 1;  // of a convex solid it has one least value on the way
+          for (int i = 0; i < 25; ++i) {
+            const double a = low + (high - low) / 3, c = high - (high - low) / 3;
+            (distance(a) < distance(c) ? high : low) = distance(a) < distance(c) ? c : a;
+          }
+          const double band = tooth.band();
+          const double exact = std::clamp(-distance((low + high) / 2), -band, band);
+          most = std::max(most,
+                          std::abs(exact - double{workpiece.cut().value(at.x(), at.y(), at.z())}));
+        }
+      }
+      // Ridges of sub-poses at c = 0.0275 mm: c²/8 times the curvature, which grows with the depth,
+      // down to the band's; at corners up to c/2.
+      const bool round = std::string(name).starts_with("ball");
+      EXPECT_LT(most, round ? 0.0275 * 0.0275 / 8 / (0.6 - tooth.band()) + 1e-5 : 0.0275 / 2)
+          << name;
+    }
+}
+
 TEST_F(RemovalOfACylinder, NothingIsDueBeforeAVoxelOfWay) {
   Removal removal(bur_, workpiece_, at(0, -2, -1.5));
   removal.clear(at(0, -2, -1.5));

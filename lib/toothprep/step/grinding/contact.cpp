@@ -65,6 +65,7 @@ void ContactModel::add_element(std::size_t i) {
   mx_.push_back(e.y[i] * e.nz[i] - e.z[i] * e.ny[i]);
   my_.push_back(e.z[i] * e.nx[i] - e.x[i] * e.nz[i]);
   mz_.push_back(e.x[i] * e.ny[i] - e.y[i] * e.nx[i]);
+  corner_.push_back(std::hypot(e.half_along[i], e.half_around[i]));
   turn_around_.push_back(e.curvature_around[i] * e.half_around[i]);
   turn_along_.push_back(e.curvature_along[i] * e.half_along[i]);
   first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
@@ -320,7 +321,7 @@ void ContactModel::look(const Scan& scan, int i) noexcept {
   left = std::min(left, kCrossedStanding * voxel);
   // A distance changes by no more than the way: where the nearest wall is farther than a corner
   // there is none. Else the bur's own last cut may hide one, which it doesn't farther ahead.
-  float clear = -cut.value - std::hypot(e.half_along[i], e.half_around[i]);
+  float clear = -cut.value - corner_[i];
   if (cut.value <= -extent && clear < 0) {
     const FieldSample farther = field_at(
         workpiece.cut(), f.base, at + (static_cast<float>(look_ahead_) - scan.reach) * unit);
@@ -380,8 +381,12 @@ bool ContactModel::covers(const Vec3& v) const noexcept {
   return v.dot(sampled_direction_) >= kMarginCosine * speed;
 }
 
-double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,
-                      const Pose& pose) noexcept {
+namespace {
+
+// The area, and into `least` the least value of max(tooth, cut), or less, at the voxels that are
+// nearest to the middles.
+double look_for_area(const SurfaceElements& elements, const Workpiece& workpiece, const Pose& pose,
+                     float& least) noexcept {
   const ContactModel::IndexFrame f(workpiece.lattice(), pose);
   const float* a = f.a;
   double area = 0;
@@ -392,10 +397,39 @@ double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiec
     const float z = f.fz + a[6] * elements.x[i] + a[7] * elements.y[i] + a[8] * elements.z[i];
     const Index3 v(f.base.x() + cell_of(x + 0.5f), f.base.y() + cell_of(y + 0.5f),
                    f.base.z() + cell_of(z + 0.5f));
-    if (workpiece.tooth().solid.value(v.x(), v.y(), v.z()) < 0 &&
-        workpiece.cut().value(v.x(), v.y(), v.z()) < 0)
-      area += elements.area[i];
+    float value = workpiece.tooth().solid.value(v.x(), v.y(), v.z());
+    if (value < 0) value = workpiece.cut().value(v.x(), v.y(), v.z());
+    if (value < 0) area += elements.area[i];
+    least = std::min(least, value);
   }
+  return area;
+}
+
+}  // namespace
+
+double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,
+                      const Pose& pose) noexcept {
+  float least = 0;
+  return look_for_area(elements, workpiece, pose, least);
+}
+
+AreaInTissue::AreaInTissue(const SurfaceElements& elements) : elements_(elements) {
+  for (std::size_t i = 0; i < elements.size(); ++i)
+    arm_ = std::max(arm_, Vec3(elements.x[i], elements.y[i], elements.z[i]).norm());
+}
+
+double AreaInTissue::at(const Workpiece& workpiece, const Pose& pose) noexcept {
+  if (stands_ > 0) {
+    const bool turned = pose.orientation.coeffs() != looked_at_.orientation.coeffs();
+    const double turn = turned ? pose.orientation.angularDistance(looked_at_.orientation) : 0;
+    if ((pose.position - looked_at_.position).norm() + turn * arm_ < stands_) return 0;
+  }
+  float least = workpiece.band();
+  const double area = look_for_area(elements_, workpiece, pose, least);
+  // A middle and its nearest voxel are half a diagonal apart, then and now.
+  stands_ =
+      area > 0 ? 0 : kStands * (static_cast<double>(least) - std::sqrt(3.0) * workpiece.voxel());
+  looked_at_ = pose;
   return area;
 }
 

@@ -105,6 +105,7 @@ class ContactModel {
   void cover(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void note_settled(const Scan& scan, int i, const Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void add_covered(int tissue, const Pieces& pieces, int first, const Lanes& lanes) noexcept;
   void add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces, int first,
                    Lanes& lanes) noexcept;
 
@@ -112,6 +113,7 @@ class ContactModel {
   ContactSet contact_;
   // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
+  std::vector<float> corner_;           // and how far its corner is from its middle, mm
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each
   // curved direction), and its pieces, 2 x 2 or four side by side, for where it isn't.
@@ -141,5 +143,20 @@ class ContactModel {
 // Area of the elements (of a shank, or a head) whose middle lies in tissue, mm², by the nearest voxel.
 double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,
                       const Pose& pose) noexcept;
+
+// The same from step to step. Where no middle is in tissue that stands until the elements have moved
+// by half of the way from the nearest voxel's value to 0: cuts only make void. A pose is given after
+// another on the same workpiece.
+class AreaInTissue {
+ public:
+  explicit AreaInTissue(const SurfaceElements& elements);  // keeps a reference
+  double at(const Workpiece& workpiece, const Pose& pose) noexcept;
+
+ private:
+  const SurfaceElements& elements_;
+  double arm_ = 0;  // mm, longest from the tip
+  Pose looked_at_;
+  double stands_ = 0;  // mm from there
+};
 
 }  // namespace toothprep

@@ -186,7 +186,10 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
-  add_covered(scan, standing, pieces, first, lanes);
+  if (simple)
+    add_covered(standing.only - 1, pieces, first, lanes);
+  else
+    add_covered(scan, standing, pieces, first, lanes);
 }
 
 // Where every piece that advances is covered as a whole or not at all, that holds for a little of
@@ -303,6 +306,34 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
   s.share = partly ? s.share * part.share : s.share;
 }
 
+// Puts what is covered into the contact, where all of it lies in one tissue.
+void ContactModel::add_covered(int tissue, const Pieces& pieces, int first,
+                               const Lanes& s) noexcept {
+  const Float4 nx = load4(&pieces.nx[first]), ny = load4(&pieces.ny[first]),
+               nz = load4(&pieces.nz[first]), tx = load4(&pieces.tx[first]),
+               ty = load4(&pieces.ty[first]), lx = load4(&pieces.lx[first]),
+               ly = load4(&pieces.ly[first]), lz = load4(&pieces.lz[first]);
+  const Float4 px = load4(&pieces.x[first]), py = load4(&pieces.y[first]),
+               pz = load4(&pieces.z[first]), radius = load4(&pieces.arm[first]);
+  // The middle of what is covered, to first order.
+  const Float4 da = pieces.half_along[first] * s.x, dt = pieces.half_around[first] * s.y;
+  const Float4 turn_l = s.curvature_along * da, turn_t = s.curvature_around * dt;
+  const Float4 round = dt / radius / radius, lr = (lx * px + ly * py) / radius;
+  ContactSet::FourElements e;
+  e.nx = nx + turn_l * lx + turn_t * tx;
+  e.ny = ny + turn_l * ly + turn_t * ty;
+  e.nz = nz + turn_l * lz;
+  e.tx = tx - round * px;
+  e.ty = ty - round * py;
+  const Float4 x = px + da * lx + dt * tx, y = py + da * ly + dt * ty, z = pz + da * lz;
+  e.mx = y * e.nz - z * e.ny;
+  e.my = z * e.nx - x * e.nz;
+  e.mz = x * e.ny - y * e.nx;
+  e.weight = load4(&pieces.weight[first]);
+  e.arm = radius + da * lr;
+  contact_.add_four(e, tissue, s.share, kLeastShare);
+}
+
 // Puts what is covered into the contact, tissue by tissue.
 void ContactModel::add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces,
                                int first, Lanes& s) noexcept {
@@ -313,12 +344,11 @@ void ContactModel::add_covered(const Scan& scan, const Standing& standing, const
     float share = s.share[p], to_along = s.x[p], to_around = s.y[p];
     if (!(share > kLeastShare)) continue;
     const int q = first + p;
-    const bool simple = standing.inside_tooth && standing.only != 0;  // else the cell is known
-    const auto b = simple ? std::size_t{0} : static_cast<std::size_t>(s.brick[p]);
+    const auto b = static_cast<std::size_t>(s.brick[p]);
     const bool inside = standing.inside_tooth || workpiece.deep(b);
     const std::uint8_t only = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
     HalfAxes axes;
-    const Index3 cell = simple ? f.base : Index3(f.base + Index3(s.cx[p], s.cy[p], s.cz[p]));
+    const Index3 cell = f.base + Index3(s.cx[p], s.cy[p], s.cz[p]);
     const Eigen::Vector3f in_cell(s.fx[p], s.fy[p], s.fz[p]);
     if (!inside || only == 0) {
       axes.along = along * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]);

@@ -134,6 +134,39 @@ void ContactSet::add(const Element& e, int tissue, float share) noexcept {
   put(e, share * ct_[tissue], share * cn_[tissue]);
 }
 
+void ContactSet::add_four(const FourElements& e, int tissue, Float4 share,
+                          float least_share) noexcept {
+  const Float4 area = e.weight * e.arm;
+  const Int4 counts = share > least_share;
+  if (nonlinear_) {
+    for (int p = 0; p < 4; ++p)
+      if (counts[p])
+        nonlinear_->add({e.nx[p], e.ny[p], e.nz[p], e.mx[p], e.my[p], e.mz[p], e.tx[p], e.ty[p],
+                         e.weight[p], e.arm[p], area[p]},
+                        tissue, share[p]);
+    return;
+  }
+  const Float4 t = share * ct_[tissue] * e.weight, m = share * cn_[tissue] * e.weight;
+  const Float4 values[10] = {
+      e.nx,      e.ny,     e.nz, e.mx, e.my, e.mz, t * e.tx - m * e.nx, t * e.ty - m * e.ny,
+      -m * e.nz, t * e.arm};
+  float* const to[10] = {nx_.data(), ny_.data(), nz_.data(), mx_.data(), my_.data(),
+                         mz_.data(), qx_.data(), qy_.data(), qz_.data(), torque_.data()};
+  const Float4 covered = share * area;
+  if (counts[0] & counts[1] & counts[2] & counts[3]) {
+    for (int i = 0; i < 10; ++i) store4(values[i], to[i] + count_);
+    for (int p = 0; p < 4; ++p) area_[count_ + p] = {}, area_[count_ + p][tissue] = covered[p];
+    count_ += 4;
+    return;
+  }
+  for (int p = 0; p < 4; ++p) {
+    if (!counts[p]) continue;
+    for (int i = 0; i < 10; ++i) to[i][count_] = values[i][p];
+    area_[count_] = {};
+    area_[count_++][tissue] = covered[p];
+  }
+}
+
 GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega, double rotation_rate,
                                       LinearForm how) const noexcept {
   return nonlinear_ ? nonlinear_->response(v, omega, rotation_rate, how)

@@ -30,6 +30,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/step/grinding/contact_element.h"
+#include "toothprep/step/grinding/four_lanes.h"
 #include "toothprep/step/grinding/nonlinear_contact.h"
 
 namespace toothprep {
@@ -63,6 +64,12 @@ class ContactSet {
   void add(const Element& element, const PerTissue<float>& share) noexcept;
   // The same of an element that lies in one tissue only (its index).
   void add(const Element& element, int tissue, float share) noexcept;
+  // Four elements of one tissue at a time, those whose share is above `least_share`, in order; as by
+  // add().
+  struct FourElements {
+    Float4 nx, ny, nz, mx, my, mz, tx, ty, weight, arm;  // as of ContactElement
+  };
+  void add_four(const FourElements& elements, int tissue, Float4 share, float least_share) noexcept;
   // Elements that advance whatever the velocity that the set will be asked about, and lie in one
   // tissue: they cost next to nothing. Only of a linear set.
   void add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept;

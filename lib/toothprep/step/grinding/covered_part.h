@@ -43,7 +43,7 @@ template <class T>
   const T across = -per_range * (d * first + cross) * per_share;
   const T p = least(greatest(along, -one), one), q = least(greatest(across, -one), one);
   const T x = abs_b > abs_a ? q : p, y = abs_b > abs_a ? p : q;
-  return {share, a < 0 ? -x : x, b < 0 ? -y : y};
+  return {share, turned_where_negative(a, x), turned_where_negative(b, y)};
 }
 
 }  // namespace toothprep

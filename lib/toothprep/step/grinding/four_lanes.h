@@ -1,6 +1,10 @@
 // Four numbers at a time, by the compilers' own vector types: SSE2 on every x86-64, NEON on arm64,
-// the same operations in the same order everywhere. Internal to the contact.
+// the same operations in the same order everywhere. Internal to this folder.
 #pragma once
+
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 #include <cstdint>
 #include <cstring>
@@ -15,6 +19,7 @@ using Int4 = std::int32_t __attribute__((vector_size(16)));
   std::memcpy(&x, from, sizeof x);
   return x;
 }
+inline void store4(Float4 x, float* to) noexcept { std::memcpy(to, &x, sizeof x); }
 [[nodiscard]] inline Float4 all4(float x) noexcept { return Float4{x, x, x, x}; }
 [[nodiscard]] inline Int4 truncated(Float4 x) noexcept { return __builtin_convertvector(x, Int4); }
 [[nodiscard]] inline Float4 as_float(Int4 x) noexcept { return __builtin_convertvector(x, Float4); }
@@ -32,6 +37,30 @@ template <class T>
 [[nodiscard]] inline T magnitude(T a) noexcept {
   return a < 0 ? -a : a;
 }
+// x with its sign turned where a < 0.
+template <class T>
+[[nodiscard]] inline T turned_where_negative(T a, T x) noexcept {
+  return a < 0 ? -x : x;
+}
+#if defined(__SSE2__)
+// The same by one instruction each, which GCC doesn't find by itself.
+template <>
+[[nodiscard]] inline Float4 least(Float4 a, Float4 b) noexcept {
+  return _mm_min_ps(a, b);
+}
+template <>
+[[nodiscard]] inline Float4 greatest(Float4 a, Float4 b) noexcept {
+  return _mm_max_ps(a, b);
+}
+template <>
+[[nodiscard]] inline Float4 magnitude(Float4 a) noexcept {
+  return _mm_andnot_ps(all4(-0.0f), a);
+}
+template <>
+[[nodiscard]] inline Float4 turned_where_negative(Float4 a, Float4 x) noexcept {
+  return _mm_xor_ps(_mm_and_ps(_mm_cmplt_ps(a, Float4{}), all4(-0.0f)), x);
+}
+#endif
 
 // Rows to columns.
 inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {

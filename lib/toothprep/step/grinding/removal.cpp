@@ -1,9 +1,13 @@
 #include "toothprep/step/grinding/removal.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
+
+#include "toothprep/step/grinding/four_lanes.h"
 
 namespace toothprep {
 namespace {
@@ -20,10 +24,13 @@ constexpr double kSubPoseVoxels = 0.55;
 // Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
 // judged by their centre.
 constexpr int kBlockEdge = 4;
-constexpr int kBlockVoxels = kBlockEdge * kBlockEdge * kBlockEdge;
+constexpr int kBlockRows = kBlockEdge * kBlockEdge, kBlockVoxels = kBlockRows * kBlockEdge;
 constexpr int kBlocks = kBrickVoxels / kBlockVoxels;
 constexpr float kDistanceRounding = 1e-5f;  // mm, of distances in single precision
+constexpr float kSurface = 0.501f;  // voxels: a voxel that is nearer to a surface is crossed by it
 constexpr float kRoot3 = 1.7320509f;
+constexpr double kHalfBlock =
+    0.5 * (kBlockEdge - 1) * kRoot3;  // voxels, from its middle to a corner
 // A sweep is taken for a translation if no point of the head leaves its chord by more than this.
 constexpr double kStraight = 0.05;  // voxels
 // A cut is carved in proportion to the way, a little ahead of the next one's being due. At once it
@@ -38,33 +45,37 @@ constexpr std::size_t kMostBricks = 64;
 // carve and those with nothing come evenly.
 constexpr double kLeap = 0.618;
 
+// A block that is gone as a whole: more than any band.
+constexpr std::array<float, kBlockVoxels> all_gone() {
+  std::array<float, kBlockVoxels> values{};
+  for (float& v : values) v = std::numeric_limits<float>::max();
+  return values;
+}
+constexpr std::array<float, kBlockVoxels> kGone = all_gone();
+
 // The first voxel of a block in its brick.
 Index3 corner_of_block(int block) {
   return kBlockEdge * Index3(block >> 2, (block >> 1) & 1, block & 1);
 }
-
-// Distance from the bur's axis and place along it, mm, of a point `p` voxels from the tip (W).
-void put_place(const float* to_bur, const Eigen::Vector3f& p, float& r, float& z) noexcept {
-  const float* m = to_bur;
-  const float x = m[0] * p.x() + m[1] * p.y() + m[2] * p.z();
-  const float y = m[3] * p.x() + m[4] * p.y() + m[5] * p.z();
-  r = std::sqrt(x * x + y * y);
-  z = m[6] * p.x() + m[7] * p.y() + m[8] * p.z();
+// Where row number `row` of a block (along z) begins, from the block's first voxel in its brick.
+constexpr int row_offset(int row) { return brick_offset(row / kBlockEdge, row % kBlockEdge, 0); }
+// The block that row number `row` of a brick, of half its length, belongs to.
+constexpr int block_of_row(int row) {
+  return (row >> 6 & 1) << 2 | (row >> 3 & 1) << 1 | (row & 1);
 }
 
-// Whether the solid of revolution is convex: its outline only turns left, from at least level at the
-// tip to at least level at the other end.
-bool is_convex(const std::vector<ProfilePiece>& outline) {
-  constexpr double kLevel = 1e-9;
-  double before_r = 1, before_z = 0;  // along the tip's mirror image at its flattest
-  for (const ProfilePiece& piece : outline) {
-    if (piece.kind == ProfilePiece::Kind::kArc && !piece.convex) return false;
-    const ProfilePoint from = point_on(piece, 0), to = point_on(piece, 1);
-    if (before_r * from.along_z - before_z * from.along_r < -kLevel) return false;
-    before_r = to.along_r;
-    before_z = to.along_z;
-  }
-  return before_z >= -kLevel;
+// In B, mm, of a point `p` voxels from the tip (W).
+Eigen::Vector3f place(const float* to_bur, const Eigen::Vector3f& p) noexcept {
+  const float* m = to_bur;
+  return {m[0] * p.x() + m[1] * p.y() + m[2] * p.z(), m[3] * p.x() + m[4] * p.y() + m[5] * p.z(),
+          m[6] * p.x() + m[7] * p.y() + m[8] * p.z()};
+}
+
+// Distance from the bur's axis and place along it, likewise.
+void put_place(const float* to_bur, const Eigen::Vector3f& p, float& r, float& z) noexcept {
+  const Eigen::Vector3f at = place(to_bur, p);
+  r = std::sqrt(at.x() * at.x() + at.y() * at.y());
+  z = at.z();
 }
 
 // The least value in each block of a brick.
@@ -78,8 +89,8 @@ void least_of_blocks(const float* values, bool uniform, float* low) noexcept {
     const float* from = values + brick_offset(corner.x(), corner.y(), corner.z());
     float least[kBlockEdge];
     std::copy(from, from + kBlockEdge, least);
-    for (int row = 1; row < kBlockEdge * kBlockEdge; ++row) {
-      const float* at = from + brick_offset(row / kBlockEdge, row % kBlockEdge, 0);
+    for (int row = 1; row < kBlockRows; ++row) {
+      const float* at = from + row_offset(row);
       for (int k = 0; k < kBlockEdge; ++k) least[k] = at[k] < least[k] ? at[k] : least[k];
     }
     low[block] = *std::min_element(least, least + kBlockEdge);
@@ -92,7 +103,11 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
     : bur_(bur),
       workpiece_(workpiece),
       due_distance_(workpiece.voxel()),
+      voxel_volume_(std::pow(workpiece.voxel(), 3)),
+      arm_(std::hypot(bur.head_length(), bur.max_radius())),
       convex_(is_convex(bur.profile())),
+      sides_(bur, (kHalfBlock + kSubPoseVoxels) * workpiece.voxel(),
+             (kBandVoxels + kHalfBlock + 1) * workpiece.voxel()),
       last_(pose),
       carved_at_(pose) {
   way_.reserve(kMostWaypoints);
@@ -104,9 +119,9 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
 
 double Removal::displacement(const Pose& from, const Pose& to) const noexcept {
   // The farthest that any point of the head moved: its tip, plus the turn times its longest arm.
-  const double turn = from.orientation.angularDistance(to.orientation);
-  return (to.position - from.position).norm() +
-         turn * std::hypot(bur_.head_length(), bur_.max_radius());
+  const bool turned = from.orientation.coeffs() != to.orientation.coeffs();
+  const double turn = turned ? from.orientation.angularDistance(to.orientation) : 0;
+  return (to.position - from.position).norm() + turn * arm_;
 }
 
 void Removal::add_waypoint(const Pose& pose) noexcept {
@@ -143,6 +158,7 @@ bool Removal::cut_is_due() const noexcept {
 void Removal::plan() noexcept {
   while (!way_.empty() && way_.front().jump) {
     last_ = way_.front().pose;
+    last_carved_ = false;
     way_.erase(way_.begin());
   }
   std::size_t count = 0;
@@ -154,7 +170,9 @@ void Removal::plan() noexcept {
   one_least_ = convex_ && straight;
   late_ = displacement(last_, end) > 2 * due_distance_;
   plan_sub_poses(last_, end);
+  plan_sides(last_, end);
   last_ = end;
+  last_carved_ = true;
   way_.erase(way_.begin(), way_.begin() + static_cast<long>(count));
   way_since_plan_ = 0;
   plan_box();
@@ -179,6 +197,25 @@ void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
       for (int c = 0; c < 3; ++c) s.to_bur[3 * r + c] = static_cast<float>(to_bur(r, c));
     sub_poses_.push_back(s);
   }
+}
+
+// Whether and how the sides of the head's motion tell what a sub-pose can cut.
+void Removal::plan_sides(const Pose& from, const Pose& to) noexcept {
+  const double voxel = workpiece_.voxel();
+  const double step = displacement(from, to) / static_cast<double>(sub_poses_.size());
+  by_sides_ = one_least_ && step <= kSubPoseVoxels * voxel * (1 + 1e-6);
+  from_carved_ = last_carved_;
+  if (!by_sides_) return;
+  const Vec3 way = to.orientation.conjugate() * (to.position - from.position);
+  const double turn = from.orientation.angularDistance(to.orientation);
+  const double arm = arm_ + way.norm() + (kBandVoxels + 2 * kHalfBlock) * voxel;
+  motion_.x = static_cast<float>(way.x());
+  motion_.y = static_cast<float>(way.y());
+  motion_.z = static_cast<float>(way.z());
+  motion_.across = static_cast<float>(std::sqrt(way.x() * way.x() + way.y() * way.y()));
+  // From one sub-pose to the next the distance changes by more than it is rounded by.
+  motion_.uncertain = static_cast<float>(
+      3 * turn * arm + 2 * kDistanceRounding * static_cast<double>(sub_poses_.size()));
 }
 
 // Whether the sweep is a translation along a line: nowhere further off it than a small part of a
@@ -286,37 +323,44 @@ void Removal::measure_blocks(const Index3& first, Range near) noexcept {
   }
 }
 
-// next <- the largest -d_bur of the sub-poses, where that can be above `before`. False if nowhere.
-bool Removal::sweep_brick(const Index3& first, const float* before, bool uniform,
-                          float* next) noexcept {
+void Removal::carve_brick(std::size_t brick) noexcept {
+  const LevelSet& cut = workpiece_.cut();
   const float band = workpiece_.band(), voxel = static_cast<float>(workpiece_.voxel());
-  const float half_brick = 0.5f * static_cast<float>(kBrickEdge - 1) * kRoot3 * voxel;
+  const float half = 0.5f * static_cast<float>(kBrickEdge - 1) * kRoot3 * voxel;
+  const Index3 first = cut.brick_origin(brick);
   measure_brick(first.cast<double>() + Vec3::Constant(0.5 * (kBrickEdge - 1)));
-  const auto begin = from_brick_.begin(), end = begin + static_cast<long>(sub_poses_.size());
-  if (*std::min_element(begin, end) < -half_brick - band) {
-    std::fill_n(next, kBrickVoxels, band);
-    return true;
-  }
   // A distance changes by no more than the way from the centre.
-  const auto reaches = [&](float d) { return d <= half_brick + band; };
+  const auto begin = from_brick_.begin(), end = begin + static_cast<long>(sub_poses_.size());
+  const auto reaches = [&](float d) { return d <= half + band; };
   const auto one = std::find_if(begin, end, reaches);
-  if (one == end) return false;
+  if (one == end) return;
   auto past = end;
   while (!reaches(past[-1])) --past;
   const Range near{static_cast<std::size_t>(one - begin), static_cast<std::size_t>(past - begin)};
-  measure_blocks(first, near);
-  std::fill_n(next, kBrickVoxels, -band);
-  alignas(32) float low[kBlocks];
-  least_of_blocks(before, uniform, low);
-  for (int block = 0; block < kBlocks; ++block) sweep_block(first, block, low[block], near, next);
-  return true;
+  const bool gone = *std::min_element(begin, end) < -half - band;
+  if (!gone) measure_blocks(first, near);
+
+  UnderWay b{cut.brick(brick)};
+  least_of_blocks(b.before, cut.is_uniform(brick), b.low);
+  for (int block = 0; block < kBlocks; ++block) {
+    if (b.low[block] >= band) continue;
+    if (gone)
+      put_block(block, kGone.data(), b);
+    else
+      sweep_block(first, block, near, b);
+  }
+  if (b.changed == 0) return;
+  count_removed(brick, b);
+  const bool left = std::any_of(b.low, b.low + kBlocks, [&](float low) { return low < band; });
+  if (!left) kept_ = b.values;
+  carved_.push_back({brick, left ? b.values : nullptr});
 }
 
-// The same in a block of the brick, of which `low` is the least value before.
-void Removal::sweep_block(const Index3& first, int block, float low, Range near,
-                          float* next) noexcept {
-  const float band = workpiece_.band(), voxel = static_cast<float>(workpiece_.voxel());
-  const float half = 0.5f * static_cast<float>(kBlockEdge - 1) * kRoot3 * voxel;
+// Carves a block of the brick.
+void Removal::sweep_block(const Index3& first, int block, Range near, UnderWay& b) noexcept {
+  const float band = workpiece_.band();
+  const float half = static_cast<float>(kHalfBlock) * static_cast<float>(workpiece_.voxel());
+  const float low = b.low[block];
   const float* d = from_blocks_.data() + block;
   std::size_t best = near.begin;
   for (std::size_t i = near.begin; i < near.end; ++i)
@@ -325,56 +369,80 @@ void Removal::sweep_block(const Index3& first, int block, float low, Range near,
   const auto cuts = [&](std::size_t i) {
     return d[kBlocks * i] <= half + band && low < half - d[kBlocks * i] + kDistanceRounding;
   };
-  if (low >= band || !cuts(best)) return;
-  const Index3 corner = corner_of_block(block);
-  float* to = next + brick_offset(corner.x(), corner.y(), corner.z());
-  if (d[kBlocks * best] < -half - band) {
-    for (int row = 0; row < kBlockEdge * kBlockEdge; ++row)
-      std::fill_n(to + brick_offset(row / kBlockEdge, row % kBlockEdge, 0), kBlockEdge, band);
-    return;
-  }
+  if (!cuts(best)) return;
+  if (d[kBlocks * best] < -half - band) return put_block(block, kGone.data(), b);
+  const Eigen::Vector3f corner = corner_of_block(block).cast<float>();
+  const auto offset = [&](std::size_t i) -> Eigen::Vector3f {
+    return (first.cast<double>() - sub_poses_[i].tip).cast<float>() + corner;
+  };
+  const FeedSides::Side side = side_of_block(best, offset(best));
+  if (side == FeedSides::Side::kBehind) return;
+  alignas(32) float deepest[kBlockVoxels];
+  std::fill_n(deepest, kBlockVoxels, -band);
   const auto deepens = [&](std::size_t i) {
-    return cuts(i) &&
-           carve_block(
-               sub_poses_[i],
-               (first.cast<double>() - sub_poses_[i].tip).cast<float>() + corner.cast<float>(), to);
+    return cuts(i) && carve_block(sub_poses_[i], offset(i), deepest);
   };
   deepens(best);
-  for (std::size_t i = best + 1; i < near.end; ++i)
-    if (!deepens(i) && one_least_) break;
-  for (std::size_t i = best; i-- > near.begin;)
-    if (!deepens(i) && one_least_) break;
+  if (side == FeedSides::Side::kEither) {
+    for (std::size_t i = best + 1; i < near.end; ++i)
+      if (!deepens(i) && one_least_) break;
+    for (std::size_t i = best; i-- > near.begin;)
+      if (!deepens(i) && one_least_) break;
+  }
+  put_block(block, deepest, b);
 }
 
-void Removal::carve_brick(std::size_t brick) noexcept {
-  LevelSet& cut = workpiece_.cut();
+// Where the sub-pose that is nearest to a block, `offset` voxels from the tip, has nothing to cut
+// there that the place before the sweep didn't, or no other sub-pose of the sweep has.
+FeedSides::Side Removal::side_of_block(std::size_t nearest,
+                                       const Eigen::Vector3f& offset) const noexcept {
+  const bool first = nearest == 0 && from_carved_, last = nearest + 1 == sub_poses_.size();
+  if (!by_sides_ || !(first || last)) return FeedSides::Side::kEither;
+  const Eigen::Vector3f middle = offset + Eigen::Vector3f::Constant(0.5f * (kBlockEdge - 1));
+  const Eigen::Vector3f at = place(sub_poses_[nearest].to_bur, middle);
+  const float r = std::sqrt(at.x() * at.x() + at.y() * at.y());
+  const FeedSides::Side side = sides_.of(at.x(), at.y(), r, at.z(), motion_);
+  const bool counts = side == FeedSides::Side::kAhead ? last : first;
+  return counts ? side : FeedSides::Side::kEither;
+}
+
+// The block's values become `deepest` where that is above what they were.
+void Removal::put_block(int block, const float* deepest, UnderWay& b) noexcept {
   const float band = workpiece_.band();
-  alignas(32) float next[kBrickVoxels];
-  if (!sweep_brick(cut.brick_origin(brick), cut.brick(brick), cut.is_uniform(brick), next)) return;
-
-  const float* before = cut.brick(brick);
-  int changed = 0, left = 0;
-  for (int v = 0; v < kBrickVoxels; ++v) {
-    const float now = std::min(std::max(next[v], before[v]), band);
-    changed += now > before[v] ? 1 : 0;
-    left += now < band ? 1 : 0;
-    next[v] = now;
+  const Index3 corner = corner_of_block(block);
+  const int start = brick_offset(corner.x(), corner.y(), corner.z());
+  alignas(32) float now[kBlockVoxels];
+  Int4 deeper{};
+  Float4 low = all4(band), high = all4(-band);
+  for (int row = 0; row < kBlockRows; ++row) {
+    const Float4 before = load4(b.before + start + row_offset(row));
+    const Float4 value = least(greatest(load4(deepest + kBlockEdge * row), before), all4(band));
+    deeper |= value > before;
+    low = least(low, value);
+    high = greatest(high, value);
+    store4(value, now + kBlockEdge * row);
   }
-  if (changed == 0) return;
-  count_removed(brick, before, next);
-  if (left == 0) {
-    carved_.push_back({brick, nullptr});
-    return;
+  if (!(deeper[0] | deeper[1] | deeper[2] | deeper[3])) return;
+  if (!b.values) {
+    b.values = kept_ ? std::exchange(kept_, nullptr) : workpiece_.cut().take_brick();
+    if (!b.values) return;  // cannot happen: the workpiece reserved enough
+    std::copy(b.before, b.before + kBrickVoxels, b.values);
   }
-  float* values = cut.take_brick();
-  if (!values) return;  // cannot happen: the workpiece reserved enough
-  std::copy(next, next + kBrickVoxels, values);
-  carved_.push_back({brick, values});
+  for (int row = 0; row < kBlockRows; ++row)
+    std::copy(now + kBlockEdge * row, now + kBlockEdge * (row + 1),
+              b.values + start + row_offset(row));
+  b.changed |= 1u << block;
+  // Nothing is gone where all was out of the solid before, or all is in it still.
+  const float surface = kSurface * static_cast<float>(workpiece_.voxel());
+  const float highest = std::max(std::max(high[0], high[1]), std::max(high[2], high[3]));
+  if (b.low[block] < surface && highest > -surface) b.counted |= 1u << block;
+  b.low[block] = std::min(std::min(low[0], low[1]), std::min(low[2], low[3]));
 }
 
-// next <- max(next, -d_bur) for the 4³ voxels from `offset` (voxels from the tip). Whether any
+// deepest <- max(deepest, -d_bur) for the 4³ voxels from `offset` (voxels from the tip). Whether any
 // changed.
-bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset, float* next) noexcept {
+bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset,
+                          float* deepest) noexcept {
   alignas(32) float r[kBlockVoxels], z[kBlockVoxels], d[kBlockVoxels];
   const float* m = s.to_bur;
   for (int i = 0; i < kBlockEdge; ++i)
@@ -391,45 +459,49 @@ bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset, float
     }
   bur_.distances(r, z, d, kBlockVoxels);
   int deeper = 0;
-  for (int i = 0; i < kBlockEdge; ++i)
-    for (int j = 0; j < kBlockEdge; ++j) {
-      float* row = next + brick_offset(i, j, 0);
-      const float* from = d + kBlockEdge * (kBlockEdge * i + j);
-      for (int k = 0; k < kBlockEdge; ++k) {
-        deeper |= -from[k] > row[k] ? 1 : 0;
-        row[k] = std::max(row[k], -from[k]);
-      }
-    }
+  for (int v = 0; v < kBlockVoxels; ++v) {
+    deeper |= -d[v] > deepest[v] ? 1 : 0;
+    deepest[v] = std::max(deepest[v], -d[v]);
+  }
   return deeper != 0;
 }
 
 // Volume of what remains in a voxel: (1/2 - phi/D) clamped to [0, 1]; before less after, by tissue.
-// At the border of two tissues a voxel is shared as their level sets share it.
-void Removal::count_removed(std::size_t brick, const float* before, const float* after) noexcept {
+// At the border of two tissues a voxel is shared as their level sets share it. In the order of the
+// voxels, whichever blocks are left out.
+void Removal::count_removed(std::size_t brick, const UnderWay& b) noexcept {
   const float* solid = workpiece_.tooth().solid.brick(brick);
   const std::uint8_t* labels = workpiece_.labels().brick(brick);
-  const bool one_tissue = workpiece_.only_tissue(brick) != 0;
-  const auto& tissues = workpiece_.tooth().remains;
   const auto per_voxel = static_cast<float>(1 / workpiece_.voxel());
-  const auto inside = [per_voxel](float phi) {
-    return std::min(std::max(0.5f - phi * per_voxel, 0.0f), 1.0f);
+  const auto inside = [per_voxel](auto phi) {
+    using T = decltype(phi);
+    return least(greatest(0.5f - phi * per_voxel, T{}), T{} + 1.0f);
   };
-  PerTissue<float> fraction{};
-  const double volume = std::pow(workpiece_.voxel(), 3);
-  if (one_tissue) {
+  const auto of_rows = [&b](const auto& count) {
+    for (int row = 0; row < kBrickVoxels / kBlockEdge; ++row)
+      if (b.counted >> block_of_row(row) & 1u) count(kBlockEdge * row);
+  };
+  if (workpiece_.only_tissue(brick) != 0) {
+    Float4 sums[4] = {};
+    of_rows([&](int v) {
+      const Float4 of_tooth = load4(solid + v);
+      const Float4 gone = inside(greatest(of_tooth, load4(b.before + v))) -
+                          inside(greatest(of_tooth, load4(b.values + v)));
+      const Int4 label{labels[v], labels[v + 1], labels[v + 2], labels[v + 3]};
+      sums[v / kBlockEdge % 4] += label == 0 ? Float4{} : gone;
+    });
     float sum = 0;
-#pragma omp simd reduction(+ : sum)
-    for (int v = 0; v < kBrickVoxels; ++v) {
-      const float gone =
-          inside(std::max(solid[v], before[v])) - inside(std::max(solid[v], after[v]));
-      sum += labels[v] == 0 ? 0 : gone;
-    }
-    removed_[workpiece_.only_tissue(brick) - 1] += volume * sum;
+    for (const Float4& s : sums)
+      for (int k = 0; k < kBlockEdge; ++k) sum += s[k];
+    removed_[workpiece_.only_tissue(brick) - 1] += voxel_volume_ * static_cast<double>(sum);
     return;
   }
-  for (int v = 0; v < kBrickVoxels; ++v) {
-    const float gone = inside(std::max(solid[v], before[v])) - inside(std::max(solid[v], after[v]));
-    if (gone <= 0 || labels[v] == 0) continue;
+  const auto& tissues = workpiece_.tooth().remains;
+  PerTissue<float> fraction{};
+  const auto count = [&](int v) {
+    const float gone =
+        inside(std::max(solid[v], b.before[v])) - inside(std::max(solid[v], b.values[v]));
+    if (gone <= 0 || labels[v] == 0) return;
     if (labels[v] != static_cast<std::uint8_t>(Tissue::kOther)) {
       const float share[3] = {inside(tissues[0].brick(brick)[v]),
                               inside(tissues[1].brick(brick)[v]),
@@ -437,12 +509,16 @@ void Removal::count_removed(std::size_t brick, const float* before, const float*
       const float sum = share[0] + share[1] + share[2];
       if (sum > 0) {
         for (int k = 0; k < 3; ++k) fraction[k] += gone * share[k] / sum;
-        continue;
+        return;
       }
     }
     fraction[labels[v] - 1] += gone;
-  }
-  for (int k = 0; k < kTissueCount; ++k) removed_[k] += volume * fraction[k];
+  };
+  of_rows([&](int v) {
+    for (int k = 0; k < kBlockEdge; ++k) count(v + k);
+  });
+  for (int k = 0; k < kTissueCount; ++k)
+    removed_[k] += voxel_volume_ * static_cast<double>(fraction[k]);
 }
 
 PerTissue<double> Removal::clear(const Pose& pose) {

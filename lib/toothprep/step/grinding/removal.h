@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
+#include "toothprep/step/grinding/feed_sides.h"
 #include "toothprep/step/grinding/workpiece.h"
 
 namespace toothprep {
@@ -54,10 +55,19 @@ class Removal {
     Pose pose;
     bool jump;
   };
+  // A brick being carved, by blocks of 4³ voxels.
+  struct UnderWay {
+    const float* before;
+    float* values = nullptr;  // its own, once it changes
+    float low[8] = {};        // the least value of each block
+    unsigned changed = 0;     // a bit per block
+    unsigned counted = 0;     // likewise: of which some volume may be gone
+  };
   void add_waypoint(const Pose& pose) noexcept;
   bool cut_is_due() const noexcept;
   void plan() noexcept;
   void plan_sub_poses(const Pose& from, const Pose& to) noexcept;
+  void plan_sides(const Pose& from, const Pose& to) noexcept;
   void plan_box() noexcept;
   bool is_straight(std::size_t waypoints) const noexcept;
   void carve_some(std::size_t visits, std::size_t bricks) noexcept;
@@ -66,17 +76,22 @@ class Removal {
   void carve_brick(std::size_t brick) noexcept;
   void measure_brick(const Vec3& centre) noexcept;
   void measure_blocks(const Index3& first, Range near) noexcept;
-  bool sweep_brick(const Index3& first, const float* before, bool uniform, float* next) noexcept;
-  void sweep_block(const Index3& first, int block, float low, Range near, float* next) noexcept;
-  bool carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* next) noexcept;
-  void count_removed(std::size_t brick, const float* before, const float* after) noexcept;
+  void sweep_block(const Index3& first, int block, Range near, UnderWay& b) noexcept;
+  FeedSides::Side side_of_block(std::size_t nearest, const Eigen::Vector3f& offset) const noexcept;
+  bool carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* deepest) noexcept;
+  void put_block(int block, const float* deepest, UnderWay& b) noexcept;
+  void count_removed(std::size_t brick, const UnderWay& b) noexcept;
   double displacement(const Pose& from, const Pose& to) const noexcept;
 
   const Bur& bur_;
   Workpiece& workpiece_;
   double due_distance_;        // mm
+  double voxel_volume_;        // mm³
+  double arm_;                 // mm, longest from the tip to a point of the head
   bool convex_;                // the head
+  FeedSides sides_;            // of blocks
   Pose last_;                  // where the last planned cut ended
+  bool last_carved_ = false;   // there the head has cut, too
   std::vector<Waypoint> way_;  // from there on; capacity reserved once
   Pose carved_at_;             // of the last call of carve()
   double way_since_plan_ = 0;  // mm
@@ -88,7 +103,10 @@ class Removal {
   // The distance from a convex body that moves straight on has one least value on the way: sub-poses
   // are tried from the nearest on as long as they cut deeper.
   bool one_least_ = false;
-  bool late_ = false;  // it is of much more way than is due: as fast as a step may
+  FeedSides::Motion motion_{};
+  bool by_sides_ = false;     // motion_ tells
+  bool from_carved_ = false;  // the place before the first sub-pose has been carved
+  bool late_ = false;         // it is of much more way than is due: as fast as a step may
   // mm, from the bur at each sub-pose: of a brick's centre, and of those of its blocks.
   std::vector<float> from_brick_, from_blocks_;
   Index3 box_first_ = Index3::Zero(), box_counts_ = Index3::Zero();
@@ -99,6 +117,7 @@ class Removal {
     const float* values;
   };
   std::vector<Carved> carved_;  // capacity reserved once
+  float* kept_ = nullptr;       // taken for a brick of which nothing was left
   PerTissue<double> removed_{};
   std::uint64_t cuts_made_ = 0;
 };

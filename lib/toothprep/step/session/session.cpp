@@ -33,6 +33,7 @@ class Session::Work {
 
   Workpiece& workpiece_;
   StepModel model_;
+  AreaInTissue shank_area_;
   std::unique_ptr<GrindingEngine> engine_;
   int most_parts_;  // of a step that is split
   BurState state_;
@@ -45,6 +46,7 @@ Session::Work::Work(const Bur& bur, Workpiece& workpiece, const Parameters& para
     : workpiece_(workpiece),
       model_{parameters, drive, bur.shank_elements(kShankElementSize),
              bur.elements(kHeadElementSize)},
+      shank_area_(model_.shank),
       most_parts_(most_parts(bur.elements(kPiecesAcross * element_size(bur, parameters)).size(),
                              parameters.time_step)) {
   if (!first.pose.position.allFinite() || !first.pose.orientation.coeffs().allFinite())
@@ -70,7 +72,7 @@ StepRecord Session::Work::step(const HandleSample& next) noexcept {
   engine_->carve();
   StepRecord row = whole.row(start, model_.parameters.time_step);
   row.removed_volume = engine_->removed();
-  row.shank_contact_area = area_in_tissue(model_.shank, workpiece_, state_.pose);
+  row.shank_contact_area = shank_area_.at(workpiece_, state_.pose);
   count(row);
   return row;
 }
