@@ -5,12 +5,17 @@
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 #include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
 
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
+#include <exception>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -269,6 +274,78 @@ Archive parse(const std::string& path, std::string& bytes) {
   }
 }
 
+// The grids of a file with their places, each read for itself.
+class ArchiveReader : public openvdb::io::Archive {
+ public:
+  explicit ArchiveReader(std::string& bytes) : stream_(bytes) {
+    openvdb::io::setStreamMetadataPtr(stream_, stream_meta_, /*transfer=*/false);
+    readHeader(stream_);
+    setFormatVersion(stream_);
+    setLibraryVersion(stream_);
+    setDataCompression(stream_);
+    meta_->readMeta(stream_);
+    count_ = readGridCount(stream_);
+  }
+  openvdb::MetaMap::Ptr meta() const { return meta_; }
+  int count() const { return count_; }
+
+  openvdb::GridBase::Ptr read(int n) {  // once
+    for (int g = 0;; ++g) {
+      openvdb::io::GridDescriptor descriptor;
+      const openvdb::GridBase::Ptr grid = descriptor.read(stream_);
+      if (g == n) {
+        readGrid(grid, descriptor, stream_);
+        return grid;
+      }
+      descriptor.seekToEnd(stream_);
+    }
+  }
+
+ private:
+  // The stream keeps this pointer's address.
+  openvdb::io::StreamMetadata::Ptr stream_meta_ = std::make_shared<openvdb::io::StreamMetadata>();
+  ByteStream stream_;
+  openvdb::MetaMap::Ptr meta_ = std::make_shared<openvdb::MetaMap>();
+  int count_ = 0;
+};
+
+// work(n) for 0 .. count - 1, side by side where that is allowed. What the first that fails throws
+// is thrown.
+template <class Work>
+void for_each_grid(int count, bool parallel, const Work& work) {
+  std::vector<std::exception_ptr> failures(static_cast<std::size_t>(count));
+  const auto guarded = [&](int n) {
+    try {
+      work(n);
+    } catch (...) {
+      failures[static_cast<std::size_t>(n)] = std::current_exception();
+    }
+  };
+  if (parallel)
+    tbb::parallel_for(0, count, guarded, tbb::simple_partitioner());
+  else
+    for (int n = 0; n < count; ++n) guarded(n);
+  for (const std::exception_ptr& failure : failures)
+    if (failure) std::rethrow_exception(failure);
+}
+
+// Of a file that write_tooth() wrote: the grids side by side.
+Archive parse_ours(const std::string& path, std::string& bytes) {
+  try {
+    ArchiveReader reader(bytes);
+    Archive result{reader.meta(), std::make_shared<openvdb::GridPtrVec>()};
+    result.grids->resize(static_cast<std::size_t>(std::max(0, reader.count())));
+    for_each_grid(reader.count(), /*parallel=*/true, [&](int n) {
+      (*result.grids)[static_cast<std::size_t>(n)] = ArchiveReader(bytes).read(n);
+    });
+    return result;
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& e) {
+    throw InputError(path, "", std::string("cannot be read by OpenVDB (") + e.what() + ")", kAgain);
+  }
+}
+
 std::optional<std::string> find_text(const openvdb::MetaMap& meta, const std::string& key) {
   const auto value = meta[key];
   if (!value) return std::nullopt;
@@ -348,26 +425,82 @@ openvdb::CoordBBox extent_of(const Grid& grid) {
   return box;
 }
 
-// Copies leaves and tiles to bricks; `convert` checks and translates one value, `convert_tile` a
-// tile's.
+// Copies leaves and tiles to bricks, and empties the grid. `convert` checks and translates the 512
+// values of a leaf, `convert_tile` a tile's.
 template <class Grid, class T, class Convert, class ConvertTile>
-void fill_bricks(BrickGrid<T>& bricks, const Grid& grid, Convert convert,
-                 ConvertTile convert_tile) {
-  openvdb::tree::ValueAccessor<const typename Grid::TreeType> tree(grid.constTree());
+void fill_bricks(BrickGrid<T>& bricks, Grid& grid, Convert convert, ConvertTile convert_tile) {
   std::array<T, kBrickVoxels> values;
-  for (std::size_t b = 0; b < bricks.table_size(); ++b) {
-    const Index3 first = bricks.brick_origin(b);
-    const openvdb::Coord origin(first.x(), first.y(), first.z());
-    if (const auto* leaf = tree.probeConstLeaf(origin)) {
-      const auto* source = leaf->buffer().data();
-      for (int v = 0; v < kBrickVoxels; ++v) values[v] = convert(source[v]);
-      bricks.set_brick(b, values.data());
-    } else {
-      const T value = convert_tile(tree.getValue(origin));
-      if (value != bricks.background()) bricks.set_uniform(b, value);
-    }
+  for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
+    const openvdb::Coord at = leaf->origin();
+    const std::int64_t place = bricks.brick_index(at.x(), at.y(), at.z());
+    if (place < 0) continue;  // nothing in it that counts, else the box would hold it
+    convert(leaf->buffer().data(), values.data());
+    bricks.set_brick(static_cast<std::size_t>(place), values.data());
   }
+  auto tile = grid.tree().cbeginValueAll();
+  tile.setMaxDepth(decltype(tile)::LEAF_DEPTH - 1);
+  const Index3 first = bricks.first_brick() * kBrickEdge,
+               last = first + bricks.brick_counts() * kBrickEdge - Index3::Ones();
+  for (; tile; ++tile) {
+    if (*tile == grid.background()) continue;
+    const T value = convert_tile(*tile);
+    openvdb::CoordBBox box = tile.getBoundingBox();
+    box.intersect({{first.x(), first.y(), first.z()}, {last.x(), last.y(), last.z()}});
+    for (int x = box.min().x(); x <= box.max().x(); x += kBrickEdge)
+      for (int y = box.min().y(); y <= box.max().y(); y += kBrickEdge)
+        for (int z = box.min().z(); z <= box.max().z(); z += kBrickEdge)
+          bricks.set_uniform(static_cast<std::size_t>(bricks.brick_index(x, y, z)), value);
+  }
+  grid.newTree();
 }
+
+// Distances of a file in a level set's: what is saturated there is far away, whatever band the
+// file's writer used. By their bits, whose order is that of the sizes, so that the compiler makes
+// vector instructions of it.
+class Distances {
+ public:
+  Distances(const std::string& path, int k, float width, float band)
+      : path_(path),
+        k_(static_cast<std::size_t>(k)),
+        band_(band),
+        limit_(bits_of(std::min(width, band))),
+        band_bits_(bits_of(band)) {}
+
+  void convert(const float* source, float* target) const {
+    std::int32_t most = 0;
+    std::array<std::int32_t, kBrickVoxels> bits;
+    std::memcpy(bits.data(), source, sizeof bits);
+    for (std::int32_t& v : bits) {
+      most = std::max(most, v & INT32_MAX);
+      v = (v & INT32_MAX) >= limit_ ? (v & INT32_MIN) | band_bits_ : v;
+    }
+    std::memcpy(target, bits.data(), sizeof bits);
+    if (most >= bits_of(std::numeric_limits<float>::infinity())) refuse_infinite();
+  }
+  float tile(float v) const {
+    if (!std::isfinite(v)) refuse_infinite();
+    // A tile spans 512 voxels or more, so it cannot be in a narrow band.
+    if (bits_of(std::abs(v)) < limit_)
+      refuse_grid(path_, kLevelSetNames[k_],
+                  "holds a tile of " + text_of(v) + " mm, which lies inside the narrow band");
+    return std::copysign(band_, v);
+  }
+
+ private:
+  static std::int32_t bits_of(float v) {
+    std::int32_t bits = 0;
+    std::memcpy(&bits, &v, sizeof bits);
+    return bits;
+  }
+  [[noreturn]] void refuse_infinite() const {
+    refuse_grid(path_, kLevelSetNames[k_], "holds a value that is not a finite number");
+  }
+
+  const std::string& path_;
+  std::size_t k_;
+  float band_;
+  std::int32_t limit_, band_bits_;
+};
 
 // Those of kLevelSetNames that the file has.
 std::vector<FloatGrid::Ptr> find_level_sets(const std::string& path, const Archive& archive) {
@@ -406,7 +539,9 @@ void check_parts(const std::string& path, const LayeredTooth& tooth) {
   for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
     const float *solid = tooth.solid.brick(b), *intact = parts.intact.brick(b),
                 *cut = parts.cut.brick(b);
-    for (int v = 0; v < kBrickVoxels; ++v) {
+    const bool uniform =
+        tooth.solid.is_uniform(b) && parts.intact.is_uniform(b) && parts.cut.is_uniform(b);
+    for (int v = 0; v < (uniform ? 1 : kBrickVoxels); ++v) {
       const float off = std::abs(solid[v] - std::max(intact[v], -cut[v]));
       if (off <= kMostMismatch * voxel) continue;
       const Index3 i = tooth.solid.brick_origin(b) + Index3(v >> 6, (v >> 3) & 7, v & 7);
@@ -419,7 +554,8 @@ void check_parts(const std::string& path, const LayeredTooth& tooth) {
   }
 }
 
-LayeredTooth tooth_of(const std::string& path, const Archive& archive) {
+// Empties the archive's grids. `parallel`: not in a child process, which has no other threads.
+LayeredTooth tooth_of(const std::string& path, const Archive& archive, bool parallel) {
   check_schema(path, archive);
 
   const Int32Grid::Ptr tissue = find_grid<Int32Grid>(path, archive, "tissue", "int32");
@@ -452,27 +588,20 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive) {
                   "labels are 0 air, 1 enamel, 2 dentin, 3 pulp, 4 other");
     return static_cast<std::uint8_t>(v);
   };
-  fill_bricks(tooth.tissue, *tissue, label, label);
+  const auto labels = [&](const openvdb::Int32* source, std::uint8_t* target) {
+    for (int v = 0; v < kBrickVoxels; ++v) target[v] = label(source[v]);
+  };
   if (level_sets.size() > kAlways) tooth.parts = ToothParts{tooth.solid, tooth.solid};  // all air
-  for (int k = 0; k < level_sets_of(tooth); ++k) {
-    const float width = level_sets[k]->background();
-    const auto band = static_cast<float>(tooth.band());
-    const auto distance = [&](float v) {
-      if (!std::isfinite(v))
-        refuse_grid(path, kLevelSetNames[k], "holds a value that is not a finite number");
-      // What is saturated in the file is far away, whatever band the file's writer used.
-      return std::abs(v) >= std::min(width, band) ? std::copysign(band, v) : v;
-    };
-    const auto tile = [&](float v) {
-      // A tile spans 512 voxels or more, so it cannot be in a narrow band.
-      const float d = distance(v);
-      if (std::abs(d) != band)
-        refuse_grid(path, kLevelSetNames[k],
-                    "holds a tile of " + text_of(v) + " mm, which lies inside the narrow band");
-      return d;
-    };
-    fill_bricks(level_set(tooth, k), *level_sets[k], distance, tile);
-  }
+  for_each_grid(1 + level_sets_of(tooth), parallel, [&](int job) {
+    if (job == 0) return fill_bricks(tooth.tissue, *tissue, labels, label);
+    const int k = job - 1;
+    const Distances distances(path, k, level_sets[k]->background(),
+                              static_cast<float>(tooth.band()));
+    fill_bricks(
+        level_set(tooth, k), *level_sets[k],
+        [&](const float* source, float* target) { distances.convert(source, target); },
+        [&](float v) { return distances.tile(v); });
+  });
   check_parts(path, tooth);
 
   static const std::set<std::string> kOwn = {kSchemaKey, kVersionKey, kVoxelKey, kHashKey};
@@ -489,7 +618,7 @@ void try_reading(const std::string& path, std::string& bytes) {
   const auto failure = failure_in_trial(
       [&] {
         limit_trial(seconds, memory);
-        tooth_of(path, parse(path, bytes));
+        tooth_of(path, parse(path, bytes), /*parallel=*/false);
       },
       static_cast<unsigned>(20 * seconds), memory);
   if (!failure) return;
@@ -518,8 +647,10 @@ ToothReading read_tooth_with_warnings(const std::string& path, ReadPolicy policy
   openvdb::initialize();
   Content content = content_of(path);
   if (!content.ours && policy == ReadPolicy::kTrial) try_reading(path, content.bytes);
-  const Archive archive = parse(path, content.bytes);
-  ToothReading reading{tooth_of(path, archive), {}};
+  const Archive archive =
+      content.ours ? parse_ours(path, content.bytes) : parse(path, content.bytes);
+  std::string().swap(content.bytes);
+  ToothReading reading{tooth_of(path, archive, /*parallel=*/true), {}};
   auto stored = find_text(*archive.meta, kHashKey);
   for (const auto& grid : *archive.grids)
     if (!stored && grid) stored = find_text(*grid, kHashKey);

@@ -1,20 +1,36 @@
 // The dark cavity inside a tooth: pulp chamber and canals, found by connectivity.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "toothprep/tools/segmentation/dense_filters.h"
 #include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/near_distance.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
 namespace toothprep {
 
+// How far (voxels) a voxel is from where a ball's centre comes in from the outside; little beyond the
+// ball's radius all is at infinity. Beyond the box all is outside.
+struct FromOutside {
+  Index3 size = Index3::Zero();
+  NearDistance in_box;  // to such places in the box
+  double beyond = 0;    // from the box's outermost voxels to such places beyond, voxels
+
+  float at(const Index3& index, std::size_t v) const {
+    const int to_edge = std::min(index.minCoeff(), (size - Index3::Ones() - index).minCoeff());
+    return std::min(in_box[v], static_cast<float>(to_edge + beyond));
+  }
+  float operator[](std::size_t v) const { return at(index_of(size, v), v); }
+};
+
 struct Cavity {
-  Mask mask;           // empty if there is none
-  double ball = 0;     // radius of the ball that separated inside from outside, voxels
-  Field from_outside;  // distance to where this ball's centre comes from the outside, voxels
-  double grey = 0;     // typical value in it
-  double border = 0;   // grey of its border: half-way to dentin
+  Mask mask;        // empty if there is none
+  double ball = 0;  // radius of the ball that separated inside from outside, voxels
+  FromOutside from_outside;
+  double grey = 0;    // typical value in it
+  double border = 0;  // grey of its border: half-way to dentin
 };
 
 // Everything that is dark and inside. A cavity counts if it is closed, or if a ball too thick for

@@ -11,6 +11,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
+#include "toothprep/tools/segmentation/near_distance.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
 namespace toothprep {
@@ -174,8 +175,8 @@ void classes_from_peaks(const std::vector<float>& homogeneous, double low, doubl
 }
 
 // The components that could be teeth, the largest first, and which one is meant.
-std::uint32_t choose_piece(const ImageVolume<float>& means, const Components& parts,
-                           const GreyHints& hints, GreyClasses& classes) {
+std::size_t choose_piece(const ImageVolume<float>& means, const MaskParts& parts,
+                         const GreyHints& hints, GreyClasses& classes) {
   const double voxel = means.spacing.prod();
   const std::size_t most = parts.voxels.empty() ? 0 : parts.voxels[0];
   for (const std::size_t voxels : parts.voxels) {
@@ -184,18 +185,16 @@ std::uint32_t choose_piece(const ImageVolume<float>& means, const Components& pa
   }
   const std::size_t count = classes.pieces.size();
   double nearest = std::numeric_limits<double>::infinity();
-  std::size_t v = 0;
-  for (int k = 0; k < means.size.z(); ++k)
-    for (int j = 0; j < means.size.y(); ++j)
-      for (int i = 0; i < means.size.x(); ++i, ++v) {
-        const std::uint32_t label = parts.label[v];
-        if (label == 0 || label > count) continue;
-        const Vec3 at = means.to_world(Vec3(i, j, k));
-        classes.pieces[label - 1].centre += at / static_cast<double>(parts.voxels[label - 1]);
-        if (!hints.tooth_at) continue;
-        const double distance = (at - *hints.tooth_at).norm();
-        if (distance < nearest) nearest = distance, classes.chosen = label - 1;
-      }
+  parts.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
+    if (part >= count) return;
+    for (std::size_t v = first; v < end; ++v) {
+      const Vec3 at = means.to_world(index_of(means.size, v).cast<double>());
+      classes.pieces[part].centre += at / static_cast<double>(parts.voxels[part]);
+      if (!hints.tooth_at) continue;
+      const double distance = (at - *hints.tooth_at).norm();
+      if (distance < nearest) nearest = distance, classes.chosen = part;
+    }
+  });
   const auto list = [&] {
     std::string text;
     for (std::size_t n = 0; n < count; ++n)
@@ -215,7 +214,7 @@ std::uint32_t choose_piece(const ImageVolume<float>& means, const Components& pa
                   list());
     classes.chosen = static_cast<std::size_t>(hints.tooth) - 1;
   }
-  return static_cast<std::uint32_t>(classes.chosen) + 1;
+  return classes.chosen;
 }
 
 // Greys where the gradient is small.
@@ -256,15 +255,19 @@ Mask rough_tooth(const ImageVolume<float>& means, const GreyHints& hints, GreyCl
   Mask tooth(means.data.size());
   for (std::size_t v = 0; v < tooth.size(); ++v)
     tooth[v] = means.data[v] >= classes.threshold_dentin;
-  const Components parts = connected_components(means.size, tooth);
-  const std::uint32_t chosen = choose_piece(means, parts, hints, classes);
-  if (classes.pieces.size() > 1) {
+  const MaskParts parts = parts_of(means.size, tooth);
+  const std::size_t chosen = choose_piece(means, parts, hints, classes);
+  const bool several = classes.pieces.size() > 1;
+  if (several) {
     classes.others_frame = means;
-    classes.others.resize(tooth.size());
-    for (std::size_t v = 0; v < tooth.size(); ++v)
-      classes.others[v] = parts.label[v] != 0 && parts.label[v] != chosen;
+    classes.others.assign(tooth.size(), 0);
   }
-  for (std::size_t v = 0; v < tooth.size(); ++v) tooth[v] = parts.label[v] == chosen;
+  parts.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
+    if (part == chosen) return;
+    std::fill(tooth.data() + first, tooth.data() + end, std::uint8_t{0});
+    if (several)
+      std::fill(classes.others.data() + first, classes.others.data() + end, std::uint8_t{1});
+  });
   return tooth;
 }
 
@@ -324,9 +327,9 @@ void find_metal(const ImageVolume<float>& means, const Mask& tooth, GreyClasses&
 // The median grey a few voxels off the tooth.
 double grey_around(const ImageVolume<float>& means, Mask tooth, const GreyClasses& classes) {
   fill_enclosed(means.size, tooth);
-  const std::vector<float> distance = distance_to(means.size, tooth);
+  const NearDistance distance(means.size, tooth, 6);
   std::vector<float> around;
-  for (std::size_t v = 0; v < distance.size(); ++v)
+  for (std::size_t v = 0; v < tooth.size(); ++v)
     if (distance[v] >= 2.5f && distance[v] <= 6 && means.data[v] < classes.threshold_dentin)
       around.push_back(means.data[v]);
   return around.size() >= 20 ? quantile(around, 0.5) : classes.below_dentin;

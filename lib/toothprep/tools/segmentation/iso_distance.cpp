@@ -120,8 +120,8 @@ struct Triangle {
 // reach, then their roots with a sign. A minimum over the same triangles, whatever the slabs.
 class Slab {
  public:
-  Slab(const Index3& size, const std::vector<float>& field, float band, int first, int last,
-       std::vector<float>& distance)
+  Slab(const Index3& size, const float* field, float band, int first, int last, float* distance,
+       const RowPart* wanted)
       : nx_(size.x()),
         ny_(size.y()),
         nz_(size.z()),
@@ -131,8 +131,9 @@ class Slab {
         plane_(row_ * static_cast<std::size_t>(ny_)),
         corner_{0, 1, row_, row_ + 1, plane_, plane_ + 1, plane_ + row_, plane_ + row_ + 1},
         band_(band),
-        field_(field.data()),
-        best_(distance.data() + static_cast<std::size_t>(first) * plane_) {}
+        field_(field),
+        best_(distance),
+        wanted_(wanted) {}
 
   void fill() {
     std::fill(best_, best_ + static_cast<std::size_t>(z1_ - z0_) * plane_, band_ * band_);
@@ -197,11 +198,15 @@ class Slab {
         const float dz = static_cast<float>(z - k) - centre.z();
         const float half2 = ball * ball - dy * dy - dz * dz;
         if (half2 <= 0) continue;
+        const std::size_t r = static_cast<std::size_t>(z - z0_) * static_cast<std::size_t>(ny_) +
+                              static_cast<std::size_t>(y);
+        const RowPart part = wanted_ ? wanted_[r] : RowPart{0, nx_};
         const float half = std::sqrt(half2);
         const int xb = last(centre.x() + half, i, nx_ - 1);
-        float* line =
-            best_ + static_cast<std::size_t>(z - z0_) * plane_ + static_cast<std::size_t>(y) * row_;
-        for (int x = first(centre.x() - half, i, 0); x <= xb; x += kLanes) {
+        float* line = best_ + r * row_;
+        // Where the lanes begin decides their last bit, so it doesn't depend on what is wanted.
+        for (int x = first(centre.x() - half, i, 0); x <= xb && x < part.end; x += kLanes) {
+          if (x + kLanes <= part.first) continue;
           std::array<float, kLanes> d2;
           triangle.squared_distances(Vec3f(static_cast<float>(x - i), static_cast<float>(y - j),
                                            static_cast<float>(z - k)),
@@ -220,18 +225,26 @@ class Slab {
   float band_;
   const float* field_;
   float* best_;
+  const RowPart* wanted_;
 };
 
 }  // namespace
 
 std::vector<float> iso_distance(const Index3& size, const std::vector<float>& field, float band) {
   std::vector<float> distance(field.size());
+  const std::size_t plane = static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y());
   constexpr int kPlanes = 16;
   tbb::parallel_for(0, (size.z() + kPlanes - 1) / kPlanes, [&](int slab) {
     const int first = slab * kPlanes;
-    Slab(size, field, band, first, std::min(size.z(), first + kPlanes), distance).fill();
+    iso_distance_in(size, field.data(), band, first, std::min(size.z(), first + kPlanes),
+                    distance.data() + static_cast<std::size_t>(first) * plane);
   });
   return distance;
+}
+
+void iso_distance_in(const Index3& size, const float* field, float band, int first, int last,
+                     float* distance, const RowPart* wanted) {
+  Slab(size, field, band, first, last, distance, wanted).fill();
 }
 
 }  // namespace toothprep

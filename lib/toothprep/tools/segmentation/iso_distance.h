@@ -14,4 +14,15 @@ namespace toothprep {
 // interpolation, of second order in the voxel size. Independent of the number of threads.
 std::vector<float> iso_distance(const Index3& size, const std::vector<float>& field, float band);
 
+// The part of each row along x in which distances are wanted: from first to end - 1.
+struct RowPart {
+  int first = 0, end = 0;
+};
+
+// The same in the planes first .. last - 1 only, whose distances go to `distance`, row after row. What
+// counts of the field are the planes as far away as the band, and one more. With `wanted`, a part for
+// each of these rows, the other distances may be any within +-band.
+void iso_distance_in(const Index3& size, const float* field, float band, int first, int last,
+                     float* distance, const RowPart* wanted = nullptr);
+
 }  // namespace toothprep

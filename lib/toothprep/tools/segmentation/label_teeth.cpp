@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "toothprep/step/core/errors.h"
-#include "toothprep/tools/segmentation/dense_filters.h"
+#include "toothprep/tools/segmentation/mask_parts.h"
 
 namespace toothprep {
 namespace {
@@ -31,7 +31,7 @@ void for_each_voxel(const Index3& size, const Work& work) {
       for (int i = 0; i < size.x(); ++i, ++v) work(i, j, k, v);
 }
 
-Found teeth_of(const ImageVolume<std::uint16_t>& labels, const Components& parts,
+Found teeth_of(const ImageVolume<std::uint16_t>& labels, const MaskParts& parts,
                const std::optional<Vec3>& place) {
   Found found;
   std::size_t count = 0;
@@ -39,22 +39,23 @@ Found teeth_of(const ImageVolume<std::uint16_t>& labels, const Components& parts
   found.teeth.resize(count);
   found.low.assign(count, labels.size);
   found.high.assign(count, Index3::Constant(-1));
-  for_each_voxel(labels.size, [&](int i, int j, int k, std::size_t v) {
-    const std::uint32_t label = parts.label[v];
-    if (label == 0 || label > count) return;
-    const std::size_t t = label - 1;
-    const Vec3 at = labels.to_world(Vec3(i, j, k));
+  const auto add = [&](std::size_t t, const Index3& index) {
+    const Vec3 at = labels.to_world(index.cast<double>());
     LabelTooth& tooth = found.teeth[t];
     tooth.bounds = found.high[t].x() < 0
                        ? Box{at, at}
                        : Box{tooth.bounds.min.cwiseMin(at), tooth.bounds.max.cwiseMax(at)};
     tooth.centre += at / static_cast<double>(parts.voxels[t]);
-    found.low[t] = found.low[t].cwiseMin(Index3(i, j, k));
-    found.high[t] = found.high[t].cwiseMax(Index3(i, j, k));
+    found.low[t] = found.low[t].cwiseMin(index);
+    found.high[t] = found.high[t].cwiseMax(index);
     if (place && (at - *place).norm() < found.distance) {
       found.distance = (at - *place).norm();
       found.nearest = t;
     }
+  };
+  parts.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
+    if (part >= count) return;
+    for (std::size_t v = first; v < end; ++v) add(part, index_of(labels.size, v));
   });
   for (std::size_t t = 0; t < count; ++t)
     found.teeth[t].volume = static_cast<double>(parts.voxels[t]) * labels.spacing.prod();
@@ -85,7 +86,7 @@ std::string keep_one_tooth(ImageVolume<std::uint16_t>& labels,
     const std::uint8_t tissue = tissue_of[labels.data[v]];
     mask[v] = tissue != 0 && tissue != other;
   }
-  const Components parts = connected_components(labels.size, mask);
+  const MaskParts parts = parts_of(labels.size, mask);
   const Found found = teeth_of(labels, parts, options.tooth_at);
   const std::string list = list_of(found.teeth);
   const std::size_t chosen =
@@ -99,11 +100,13 @@ std::string keep_one_tooth(ImageVolume<std::uint16_t>& labels,
   const Index3 margin = (kOtherMargin / labels.spacing.array()).ceil().cast<int>().matrix();
   const Index3 low = found.low[chosen] - margin, high = found.high[chosen] + margin;
   for_each_voxel(labels.size, [&](int i, int j, int k, std::size_t v) {
-    if (tissue_of[labels.data[v]] == 0) return;
+    if (mask[v] || tissue_of[labels.data[v]] == 0) return;
     const Index3 at(i, j, k);
     const bool near = (at.array() >= low.array()).all() && (at.array() <= high.array()).all();
-    const bool own = mask[v] ? parts.label[v] == chosen + 1 : near;
-    if (!own) labels.data[v] = 0;
+    if (!near) labels.data[v] = 0;
+  });
+  parts.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
+    if (part != chosen) std::fill(labels.data.data() + first, labels.data.data() + end, 0);
   });
   return "took tooth " + std::to_string(chosen + 1) + " of " + std::to_string(found.teeth.size()) +
          ": " + list;

@@ -296,18 +296,21 @@ ToothFields smooth_label_fields(const LabelTissues& anatomy, const WorkBox& box)
   for (double& volume : wanted) volume /= std::pow(box.lattice.voxel, 3);
   restore_volumes(wanted, levels);
   ToothFields fields;
-  fields.label.assign(box.voxels(), 0);
-  for (std::size_t t = 0; t < 3; ++t)
-    if (!levels.part[t].empty()) fields.tissue[t].resize(box.voxels());
+  fields.label.resize(box.voxels());
   box.for_each([&](int, int, int, std::size_t v) {
-    const std::size_t most = levels.largest(v);
-    fields.label[v] = static_cast<std::uint8_t>(tissue_at(static_cast<int>(most)));
-    for (std::size_t t = 0; t < 3; ++t)
-      if (!fields.tissue[t].empty()) fields.tissue[t][v] = signed_as(t == most, levels.lead(v, t));
+    fields.label[v] = static_cast<std::uint8_t>(tissue_at(static_cast<int>(levels.largest(v))));
     const float solid = levels.solid_at(v);
     levels.solid[v] = signed_as(solid > 0, solid);
   });
-  fields.solid = std::move(levels.solid);
+  fields.solid = SignedField(box.size, levels.solid);
+  Field values = std::move(levels.solid);
+  for (std::size_t t = 0; t < 3; ++t) {
+    if (levels.part[t].empty()) continue;
+    box.for_each([&](int, int, int, std::size_t v) {
+      values[v] = signed_as(t == levels.largest(v), levels.lead(v, t));
+    });
+    fields.tissue[t] = SignedField(box.size, values);
+  }
   return fields;
 }
 

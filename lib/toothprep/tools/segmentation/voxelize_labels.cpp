@@ -210,18 +210,21 @@ ToothFields fields_of(Shares shares) {
   const std::size_t n = shares.box.voxels();
   ToothFields fields;
   fields.label.assign(n, 0);
-  for (std::size_t t = 0; t < 3; ++t)
-    if (!shares.share[t].empty()) fields.tissue[t].resize(n);
   shares.box.for_each([&](int, int, int, std::size_t v) {
     const std::size_t most = shares.largest(v);
     if (most < kTissueCount)
       fields.label[v] = static_cast<std::uint8_t>(tissue_at(static_cast<int>(most)));
-    for (std::size_t t = 0; t < 3; ++t)
-      if (!fields.tissue[t].empty())
-        fields.tissue[t][v] = signed_as(t == most, shares.lead(v, t) / (shares.sum[v] + 1e-6f));
   });
+  Field values(n);
+  for (std::size_t t = 0; t < 3; ++t) {
+    if (shares.share[t].empty()) continue;
+    shares.box.for_each([&](int, int, int, std::size_t v) {
+      values[v] = signed_as(t == shares.largest(v), shares.lead(v, t) / (shares.sum[v] + 1e-6f));
+    });
+    fields.tissue[t] = SignedField(shares.box.size, values);
+  }
   for (float& s : shares.sum) s = signed_as(s > 0.5f, s - 0.5f);
-  fields.solid = std::move(shares.sum);
+  fields.solid = SignedField(shares.box.size, shares.sum);
   return fields;
 }
 
@@ -268,13 +271,13 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& all, const NamedL
       volume_mm3[place_of(tissue)] +=
           static_cast<double>(seen.histogram[named]) * labels.spacing.prod();
   progress(options.smooth_labels ? "smoothing" : "resampling", 0.1);
-  ToothFields fields =
+  const ToothFields fields =
       options.smooth_labels
           ? smooth_label_fields({labels, tissue_of, seen.low, seen.high, volume_mm3}, box)
           : stepped_fields(labels, tissues, tissue_of, box, volume_mm3, blur);
 
   progress("measuring distances", 0.6);
-  LayeredTooth tooth = tooth_of(box, std::move(fields));
+  LayeredTooth tooth = tooth_of(box, fields);
   record_labels({labels.spacing.maxCoeff(), options.smooth_labels}, tooth.provenance);
   progress("done", 1);
   if (report) *report = {};

@@ -7,6 +7,7 @@
 #include "toothprep/tools/segmentation/cavity.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
 #include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/near_distance.h"
 #include "toothprep/tools/segmentation/plausibility.h"
 #include "toothprep/tools/segmentation/scan_survey.h"
 #include "toothprep/tools/segmentation/voxelize.h"
@@ -33,6 +34,16 @@ Field resample(const ImageVolume<float>& scan, const WorkBox& box, double outsid
                        grey[v] = static_cast<float>(sum / static_cast<double>(points.size()));
                      });
   return grey;
+}
+
+// The field of a value for each voxel.
+template <class ValueAt>
+SignedField signed_field(const WorkBox& box, const ValueAt& value_at) {
+  const std::size_t plane = box.voxels() / static_cast<std::size_t>(box.size.z());
+  return SignedField(box.size, [&](int k, float* values) {
+    const std::size_t first = static_cast<std::size_t>(k) * plane;
+    for (std::size_t v = 0; v < plane; ++v) values[v] = value_at(first + v);
+  });
 }
 
 // Noise of the surroundings, and the smoothing (in output voxels) that brings it down to a seventh
@@ -68,10 +79,11 @@ void clean_islands(const WorkBox& box, const Mask& domain, const Mask& cavity, M
   for (const bool of_enamel : {true, false}) {
     for (std::size_t v = 0; v < part.size(); ++v)
       part[v] = domain[v] && (cavity.empty() || !cavity[v]) && (enamel[v] != 0) == of_enamel;
-    const Components pieces = connected_components(box.size, part);
-    for (std::size_t v = 0; v < part.size(); ++v)
-      if (pieces.label[v] != 0 && 20 * pieces.voxels[pieces.label[v] - 1] < pieces.voxels[0])
-        enamel[v] = !of_enamel;
+    const MaskParts pieces = parts_of(box.size, part);
+    pieces.for_each([&](std::size_t first, std::size_t end, std::size_t piece) {
+      if (20 * pieces.voxels[piece] < pieces.voxels[0])
+        std::fill(enamel.data() + first, enamel.data() + end, std::uint8_t{!of_enamel});
+    });
   }
 }
 
@@ -85,6 +97,10 @@ struct UnderSurface {
 // Also that far outside, in voxels, so that interfaces between tissues run on through the surface.
 constexpr double kReach = kBandVoxels + 1;
 
+// The depth to which the surroundings shine through, and how far depths must be known, voxels.
+double skin_depth(double blur) { return 3 * blur; }
+double far_depth(double blur) { return std::max(skin_depth(blur), kReach) + 2 * blur; }
+
 // Below the outer surface greys are mixed with the surroundings': over enamel they pass through
 // dentin's, which by thresholds alone would put a layer of dentin on the enamel. So a voxel takes
 // the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
@@ -92,11 +108,11 @@ constexpr double kReach = kBandVoxels + 1;
 UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Field& depth,
                                 const GreyClasses& classes, double blur) {
   const std::size_t n = box.voxels();
-  const double skin = 3 * blur;  // depth to which the surroundings shine through
+  const double skin = skin_depth(blur);
   UnderSurface under{grey, Field(n, 0.0f), Mask(n, 0)};
 
   Field level(n);  // whose gradient points inwards
-  const auto far = static_cast<float>(std::max(skin, kReach) + 2 * blur);
+  const auto far = static_cast<float>(far_depth(blur));
   for (std::size_t v = 0; v < n; ++v) level[v] = std::clamp(depth[v], -far, far);
   smooth(box.size, level, std::max(1.0, 0.5 * blur));
 
@@ -126,6 +142,8 @@ UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Fie
         std::clamp((brightest - classes.dentin) / (classes.enamel - classes.dentin), 0.0, 1.0));
   });
 
+  Field().swap(level);
+
   // A smooth transition at the cervix.
   Field weight(under.near.begin(), under.near.end());
   smooth(box.size, under.cover, blur);
@@ -136,14 +154,13 @@ UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Fie
 }
 
 // Zero where the grey is half-way between the surroundings and the tissue underneath.
-Field solid_field(const WorkBox& box, const Field& grey, const Mask& rough, const Cavity& cavity,
-                  const UnderSurface& under, const GreyClasses& classes) {
+SignedField solid_field(const WorkBox& box, const Field& grey, const Mask& rough,
+                        const Cavity& cavity, const UnderSurface& under,
+                        const GreyClasses& classes) {
   const double over_dentin = classes.threshold_dentin;
   const double over_enamel = std::max(over_dentin, 0.5 * (classes.surroundings + classes.enamel));
   const double contrast = classes.dentin - classes.surroundings;
-  Field field(box.voxels());
-  Mask solid(box.voxels());
-  for (std::size_t v = 0; v < field.size(); ++v) {
+  const auto value_at = [&](std::size_t v) {
     const bool in_cavity = !cavity.mask.empty() && cavity.mask[v];
     float value = rough[v] ? 0.5f : -0.5f;
     if (under.near[v]) {
@@ -153,13 +170,13 @@ Field solid_field(const WorkBox& box, const Field& grey, const Mask& rough, cons
     // At an open apex the solid ends where the ball from the outside does.
     if (in_cavity)
       value = static_cast<float>(std::min(0.5, 0.5 * (cavity.from_outside[v] - cavity.ball)));
-    field[v] = signed_as(rough[v] && (value > 0 || in_cavity), value);
-    solid[v] = field[v] > 0;
-  }
+    return signed_as(rough[v] && (value > 0 || in_cavity), value);
+  };
+  Mask solid(box.voxels());
+  box.for_each([&](int, int, int, std::size_t v) { solid[v] = value_at(v) > 0; });
   keep_largest_component(box.size, solid);
   fill_enclosed(box.size, solid);
-  for (std::size_t v = 0; v < field.size(); ++v) field[v] = signed_as(solid[v], field[v]);
-  return field;
+  return signed_field(box, [&](std::size_t v) { return signed_as(solid[v], value_at(v)); });
 }
 
 // The grey that parts dentin and enamel at a depth below the surface (voxels). A layer of enamel
@@ -190,10 +207,10 @@ Mask metal_of(const WorkBox& box, const Field& grey, const Field& depth, const U
   const double border = 0.5 * (classes.enamel + *typical);
   Mask metal(n), sure(n);
   for (std::size_t v = 0; v < n; ++v) metal[v] = domain[v] && grey[v] > border;
-  const Field to_metal = distance_to(box.size, metal);
   const double reach = 2 * blur;
+  const NearDistance to_metal(box.size, metal, static_cast<int>(std::ceil(reach)));
   for (std::size_t v = 0; v < n; ++v) sure[v] = enamel[v] && to_metal[v] > reach;
-  const Field to_sure = distance_to(box.size, sure);
+  const NearDistance to_sure(box.size, sure, static_cast<int>(std::ceil(reach + 0.5 * blur)));
   for (std::size_t v = 0; v < n; ++v) {
     if (!enamel[v] || to_metal[v] > reach) continue;
     const bool skin = depth[v] < 1.5 * blur && under.plateau[v] > border && to_metal[v] <= blur;
@@ -210,48 +227,48 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
                        double blur, ToothFields& fields) {
   const std::size_t n = box.voxels();
   Mask solid(n), domain(n), enamel(n);
-  Field border(n);
+  const auto above_border = [&](std::size_t v) {
+    return under.plateau[v] - enamel_border(classes, depth[v], blur);
+  };
   for (std::size_t v = 0; v < n; ++v) {
     solid[v] = fields.solid[v] > 0;
     domain[v] = depth[v] > -kReach;
-    border[v] = enamel_border(classes, depth[v], blur);
-    enamel[v] = domain[v] && under.plateau[v] > border[v];
+    enamel[v] = domain[v] && under.plateau[v] > enamel_border(classes, depth[v], blur);
   }
   const Mask metal = metal_of(box, grey, depth, under, classes, blur, domain, enamel);
   // First in the solid alone, where an island can't hide behind its connection through the outside.
   clean_islands(box, solid, cavity.mask, enamel);
   clean_islands(box, domain, cavity.mask, enamel);
 
+  // Potentials against dentin, whose own is zero.
   const auto scaled = [](double difference, double contrast) {
     return static_cast<float>(std::clamp(difference / contrast, -0.5, 0.5));
   };
-  const bool has_pulp = !cavity.mask.empty();
+  const bool has_pulp = !cavity.mask.empty(), has_metal = !metal.empty();
+  const auto in_pulp = [&](std::size_t v) { return has_pulp && cavity.mask[v]; };
+  const auto in_metal = [&](std::size_t v) { return has_metal && metal[v]; };
+  const auto of_enamel = [&](std::size_t v) {
+    return signed_as(enamel[v] && !in_pulp(v),
+                     scaled(above_border(v), classes.enamel - classes.dentin));
+  };
+  const auto of_pulp = [&](std::size_t v) {
+    return signed_as(in_pulp(v), scaled(cavity.border - grey[v], classes.dentin - cavity.grey));
+  };
   fields.label.resize(n);
-  fields.tissue[0].resize(n);
-  fields.tissue[1].resize(n);
-  if (has_pulp) fields.tissue[2].resize(n);
-  for (std::size_t v = 0; v < n; ++v) {
-    // Potentials against dentin, whose own is zero.
-    if (!metal.empty() && metal[v]) {
-      for (Field& tissue : fields.tissue)
-        if (!tissue.empty()) tissue[v] = -0.5f;
-      fields.label[v] = static_cast<std::uint8_t>(Tissue::kOther);
-      continue;
-    }
-    const bool in_pulp = has_pulp && cavity.mask[v];
-    const float e = signed_as(enamel[v] && !in_pulp, scaled(under.plateau[v] - border[v],
-                                                            classes.enamel - classes.dentin));
-    fields.tissue[0][v] = e;
-    fields.tissue[1][v] = -e;
-    fields.label[v] = static_cast<std::uint8_t>(e > 0 ? Tissue::kEnamel : Tissue::kDentin);
-    if (!has_pulp) continue;
-    const float p =
-        signed_as(in_pulp, scaled(cavity.border - grey[v], classes.dentin - cavity.grey));
-    if (in_pulp) fields.tissue[0][v] = -p;
-    fields.tissue[1][v] = -std::max(e, p);
-    fields.tissue[2][v] = p;
-    if (in_pulp) fields.label[v] = static_cast<std::uint8_t>(Tissue::kPulp);
-  }
+  for (std::size_t v = 0; v < n; ++v)
+    fields.label[v] = static_cast<std::uint8_t>(in_metal(v)        ? Tissue::kOther
+                                                : in_pulp(v)       ? Tissue::kPulp
+                                                : of_enamel(v) > 0 ? Tissue::kEnamel
+                                                                   : Tissue::kDentin);
+  const auto field_of = [&](const auto& value) {
+    return signed_field(box, [&](std::size_t v) { return in_metal(v) ? -0.5f : value(v); });
+  };
+  fields.tissue[0] =
+      field_of([&](std::size_t v) { return in_pulp(v) ? -of_pulp(v) : of_enamel(v); });
+  fields.tissue[1] = field_of([&](std::size_t v) {
+    return has_pulp ? -std::max(of_enamel(v), of_pulp(v)) : -of_enamel(v);
+  });
+  if (has_pulp) fields.tissue[2] = field_of(of_pulp);
 }
 
 // A segmentation read as greys would give a tooth all the same, of the wrong tissues.
@@ -278,35 +295,34 @@ void remove_others(const WorkBox& box, const GreyClasses& classes, double blur, 
   const std::size_t n = box.voxels();
   Mask bright(n), other(n);
   for (std::size_t v = 0; v < n; ++v) bright[v] = grey[v] >= classes.threshold_dentin;
-  const Components parts = connected_components(box.size, bright);
+  const MaskParts parts = parts_of(box.size, bright);
   // A component belongs to what most of it was found to be part of.
   const ImageFrame& means = classes.others_frame;
   const Mat3 to_index = means.to_index();
   std::vector<std::size_t> votes(parts.count(), 0);
-  std::size_t v = 0;
-  for (int k = 0; k < box.size.z(); ++k)
-    for (int j = 0; j < box.size.y(); ++j)
-      for (int i = 0; i < box.size.x(); ++i, ++v) {
-        if (parts.label[v] == 0) continue;
-        const Vec3 at = to_index * (box.centre(Index3(i, j, k)) - means.origin);
-        const Index3 m = at.array().round().cast<int>();
-        if (m.minCoeff() < 0 || (means.size - m).minCoeff() <= 0) continue;
-        votes[parts.label[v] - 1] +=
-            classes.others[(static_cast<std::size_t>(m.z()) * means.size.y() + m.y()) *
-                               means.size.x() +
-                           m.x()];
-      }
+  parts.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
+    for (std::size_t v = first; v < end; ++v) {
+      const Vec3 at = to_index * (box.centre(index_of(box.size, v)) - means.origin);
+      const Index3 m = at.array().round().cast<int>();
+      if (m.minCoeff() < 0 || (means.size - m).minCoeff() <= 0) continue;
+      votes[part] +=
+          classes
+              .others[(static_cast<std::size_t>(m.z()) * means.size.y() + m.y()) * means.size.x() +
+                      m.x()];
+    }
+  });
   bool any = false;
-  for (v = 0; v < n; ++v) {
-    other[v] =
-        parts.label[v] != 0 && 2 * votes[parts.label[v] - 1] > parts.voxels[parts.label[v] - 1];
-    bright[v] = bright[v] && !other[v];
-    any = any || other[v];
-  }
+  parts.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
+    if (2 * votes[part] <= parts.voxels[part]) return;
+    any = true;
+    std::fill(bright.data() + first, bright.data() + end, std::uint8_t{0});
+    std::fill(other.data() + first, other.data() + end, std::uint8_t{1});
+  });
   if (!any) return;
-  const Field to_other = distance_to(box.size, other), to_tooth = distance_to(box.size, bright);
   const auto reach = static_cast<float>(2 * blur + 1);
-  for (v = 0; v < n; ++v)
+  const int most = static_cast<int>(std::ceil(reach));
+  const NearDistance to_other(box.size, other, most), to_tooth(box.size, bright, most);
+  for (std::size_t v = 0; v < n; ++v)
     if (to_other[v] <= reach && to_other[v] < to_tooth[v])
       grey[v] = static_cast<float>(classes.surroundings);
 }
@@ -351,7 +367,7 @@ void add_notes(const GreyClasses& classes, const ScanSurvey& seen, std::size_t s
   if (cavity.mask.empty()) {
     report.notes.push_back("no pulp cavity was found inside the dentin");
   } else {
-    const Components parts = connected_components(box.size, cavity.mask);
+    const MaskParts parts = parts_of(box.size, cavity.mask);
     const double voxel = std::pow(box.lattice.voxel, 3);
     std::size_t large = 0;
     std::string list;
@@ -408,7 +424,7 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   smooth(box.size, grey, smoothing_for(grey, classes, blur));
 
   progress("finding the pulp", 0.5);
-  const Cavity cavity = find_cavity(box, grey, classes, blur, margin);
+  Cavity cavity = find_cavity(box, grey, classes, blur, margin);
 
   // The solid to a voxel: the largest piece of tissue with its cavities.
   progress("finding the surface", 0.6);
@@ -420,9 +436,11 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
 
   ToothFields fields;
   {
-    const Field depth = depth_below_surface(box.size, rough);
+    const Field depth =
+        depth_below_surface(box.size, rough, static_cast<int>(std::ceil(far_depth(blur) + 0.5)));
     const UnderSurface under = look_under_surface(box, grey, depth, classes, blur);
     fields.solid = solid_field(box, grey, rough, cavity, under, classes);
+    cavity.from_outside = {};
     progress("separating the tissues", 0.7);
     add_tissue_fields(box, grey, depth, cavity, under, classes, blur, fields);
   }
@@ -433,7 +451,7 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   Field().swap(grey);
 
   progress("measuring distances", 0.8);
-  LayeredTooth tooth = tooth_of(box, std::move(fields));
+  LayeredTooth tooth = tooth_of(box, fields);
   tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
   tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
   progress("done", 1);

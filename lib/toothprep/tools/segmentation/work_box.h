@@ -14,6 +14,7 @@
 
 #include "toothprep/step/tooth/layered_tooth.h"
 #include "toothprep/tools/io/image_volume.h"
+#include "toothprep/tools/segmentation/signed_field.h"
 
 namespace toothprep {
 
@@ -73,9 +74,9 @@ float trilinear(const Index3& size, const std::vector<float>& values, const Vec3
 // tissue against the other tissues (which matters in the solid and in a few voxels beyond its
 // surface).
 struct ToothFields {
-  Field solid;
-  std::array<Field, 3> tissue;      // enamel, dentin, pulp; empty if absent
-  std::vector<std::uint8_t> label;  // the tissue here; whatever outside the solid
+  SignedField solid;
+  std::array<SignedField, 3> tissue;  // enamel, dentin, pulp; empty if absent
+  std::vector<std::uint8_t> label;    // the tissue here; whatever outside the solid
 };
 
 // `value`, moved to the given side of zero if it isn't there.
@@ -84,7 +85,7 @@ float signed_as(bool positive, float value);
 // Fields to distances, and both to a tooth. A tissue is where the solid and its side of the
 // interface both are, so its level set is the larger of the two distances, and the volumes of all
 // tissues add up to the solid's.
-LayeredTooth tooth_of(const WorkBox& box, ToothFields fields);
+LayeredTooth tooth_of(const WorkBox& box, const ToothFields& fields);
 
 std::string short_number(double value);  // four digits
 

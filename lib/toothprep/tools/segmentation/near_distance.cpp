@@ -1,0 +1,121 @@
+#include "toothprep/tools/segmentation/near_distance.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstring>
+
+namespace toothprep {
+namespace {
+
+using Squares = std::vector<std::uint16_t>;
+
+// Squared distances along x; `far` where they are more than the reach.
+void along_x(const std::uint8_t* mask, int n, int reach, std::uint16_t far, std::uint16_t* out) {
+  std::fill(out, out + n, far);
+  int last = -1;  // the last voxel of the mask
+  for (int i = 0; i < n; ++i) {
+    const auto* next =
+        static_cast<const std::uint8_t*>(std::memchr(mask + i, 1, static_cast<std::size_t>(n - i)));
+    const int at = next ? static_cast<int>(next - mask) : n + reach;  // beyond all reach
+    for (int k = last < 0 ? n : last + 1; k < std::min({at, last + reach + 1, n}); ++k)
+      out[k] = static_cast<std::uint16_t>((k - last) * (k - last));
+    for (int k = std::max(last + 1, at - reach); k < std::min(at, n); ++k)
+      out[k] = std::min(out[k], static_cast<std::uint16_t>((at - k) * (at - k)));
+    if (at >= n) return;
+    out[at] = 0;
+    last = i = at;
+  }
+}
+
+// out row = min over the rows d = -reach .. reach beside it of (row + d^2). `rows` holds them one
+// after another.
+void across(const Squares& rows, int count, int row_length, int reach, int at, std::uint16_t* out) {
+  const auto length = static_cast<std::size_t>(row_length);
+  const std::uint16_t* own = rows.data() + static_cast<std::size_t>(at) * length;
+  std::copy(own, own + length, out);
+  for (int other = std::max(0, at - reach); other <= std::min(count - 1, at + reach); ++other) {
+    const auto square = static_cast<std::uint16_t>((other - at) * (other - at));
+    const std::uint16_t* in = rows.data() + static_cast<std::size_t>(other) * length;
+    for (std::size_t i = 0; i < length; ++i) {
+      const auto sum = static_cast<std::uint16_t>(in[i] + square);
+      out[i] = std::min(out[i], sum);
+    }
+  }
+}
+
+// One pass over rows that lie `stride` apart; rows without anything near are left alone.
+void pass(std::uint16_t* first, int count, std::size_t stride, int row_length, int reach,
+          std::uint16_t far) {
+  const auto length = static_cast<std::size_t>(row_length);
+  Squares rows(static_cast<std::size_t>(count) * length);
+  std::vector<int> before(static_cast<std::size_t>(count) + 1,
+                          0);  // rows with something, up to here
+  for (int r = 0; r < count; ++r) {
+    const std::uint16_t* in = first + static_cast<std::size_t>(r) * stride;
+    std::copy(in, in + length, rows.data() + static_cast<std::size_t>(r) * length);
+    const bool any = std::any_of(in, in + length, [far](std::uint16_t d) { return d < far; });
+    before[static_cast<std::size_t>(r) + 1] = before[static_cast<std::size_t>(r)] + any;
+  }
+  for (int r = 0; r < count; ++r) {
+    const auto low = static_cast<std::size_t>(std::max(0, r - reach)),
+               high = static_cast<std::size_t>(std::min(count, r + reach + 1));
+    if (before[high] == before[low]) continue;
+    across(rows, count, row_length, reach, r, first + static_cast<std::size_t>(r) * stride);
+  }
+}
+
+}  // namespace
+
+NearDistance::NearDistance(const Index3& size, const Mask& mask, int reach)
+    : squared_(mask.size()) {
+  reach = std::clamp(reach, 1, kMostReach);
+  most_ = static_cast<std::uint16_t>(reach * reach);
+  const auto far = static_cast<std::uint16_t>(0xFFFF - most_);  // far + reach^2 fits
+  const int nx = size.x(), ny = size.y(), nz = size.z();
+  const auto row = static_cast<std::size_t>(nx), plane = row * static_cast<std::size_t>(ny);
+  tbb::parallel_for(0, nz, [&](int k) {
+    const std::size_t o = static_cast<std::size_t>(k) * plane;
+    for (int j = 0; j < ny; ++j)
+      along_x(mask.data() + o + static_cast<std::size_t>(j) * row, nx, reach, far,
+              squared_.data() + o + static_cast<std::size_t>(j) * row);
+    pass(squared_.data() + o, ny, row, nx, reach, far);
+  });
+  tbb::parallel_for(0, ny, [&](int j) {
+    pass(squared_.data() + static_cast<std::size_t>(j) * row, nz, plane, nx, reach, far);
+  });
+}
+
+Mask outermost_of(const Index3& size, const Mask& mask) {
+  const int nx = size.x(), ny = size.y(), nz = size.z();
+  const auto row = static_cast<std::size_t>(nx), plane = row * static_cast<std::size_t>(ny);
+  Mask result(mask.size(), 0);
+  tbb::parallel_for(0, nz, [&](int k) {
+    Mask full(row);  // of the up to nine rows around: all in the mask
+    for (int j = 0; j < ny; ++j) {
+      std::fill(full.begin(), full.end(), std::uint8_t{1});
+      for (int z = std::max(0, k - 1); z <= std::min(nz - 1, k + 1); ++z)
+        for (int y = std::max(0, j - 1); y <= std::min(ny - 1, j + 1); ++y) {
+          const std::uint8_t* in =
+              mask.data() + static_cast<std::size_t>(z) * plane + static_cast<std::size_t>(y) * row;
+          for (std::size_t i = 0; i < row; ++i) full[i] &= in[i];
+        }
+      const std::size_t o = static_cast<std::size_t>(k) * plane + static_cast<std::size_t>(j) * row;
+      for (std::size_t i = 0; i < row; ++i) {
+        const bool inside = full[i] && (i == 0 || full[i - 1]) && (i + 1 == row || full[i + 1]);
+        result[o + i] = mask[o + i] && !inside;
+      }
+    }
+  });
+  return result;
+}
+
+std::vector<float> depth_below_surface(const Index3& size, const Mask& mask, int reach) {
+  const NearDistance outermost(size, outermost_of(size, mask), reach);
+  std::vector<float> depth(mask.size());
+  for (std::size_t v = 0; v < depth.size(); ++v)
+    depth[v] = mask[v] ? 0.5f + outermost[v] : 0.5f - outermost[v];
+  return depth;
+}
+
+}  // namespace toothprep

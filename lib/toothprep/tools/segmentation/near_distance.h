@@ -1,0 +1,42 @@
+// Exact distances to a mask in its neighbourhood, in two bytes a voxel.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "toothprep/tools/segmentation/mask_parts.h"
+
+namespace toothprep {
+
+// From each voxel's centre to that of the nearest voxel in the mask, in voxels.
+class NearDistance {
+ public:
+  static constexpr int kMostReach = 180;  // voxels: its square, twice, in 16 bits
+
+  NearDistance() = default;
+  // Exact up to `reach`; what is farther away is at infinity. A larger reach than kMostReach is
+  // taken as that.
+  NearDistance(const Index3& size, const Mask& mask, int reach);
+
+  bool empty() const { return squared_.empty(); }
+  float operator[](std::size_t v) const {
+    return squared_[v] > most_ ? std::numeric_limits<float>::infinity()
+                               : std::sqrt(static_cast<float>(squared_[v]));
+  }
+
+ private:
+  std::vector<std::uint16_t> squared_;
+  std::uint16_t most_ = 0;  // what is larger is farther away than the reach
+};
+
+// The voxels of the mask that have one outside of it beside them, across a face, an edge or a
+// corner.
+Mask outermost_of(const Index3& size, const Mask& mask);
+
+// Depth below the mask's surface as far as `reach` - 1/2, else infinity with its sign: positive inside,
+// negative outside, the surface half a voxel outside of the outermost voxels' centres.
+std::vector<float> depth_below_surface(const Index3& size, const Mask& mask, int reach);
+
+}  // namespace toothprep

@@ -1,0 +1,39 @@
+// A field of which only the signs count, and the values beside a change of sign: what says where
+// surfaces are. Kept in chunks of 16 voxels along x; a chunk without a change of sign takes four bytes.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "toothprep/step/core/geometry.h"
+
+namespace toothprep {
+
+class SignedField {
+ public:
+  using FillPlane = std::function<void(int k, float* values)>;
+
+  SignedField() = default;
+  // Of one value per voxel, x fastest, nowhere zero. `fill` gives those of plane k, and is called from
+  // several threads, for some planes twice; the field is never held as a whole.
+  SignedField(const Index3& size, const FillPlane& fill);
+  SignedField(const Index3& size, const std::vector<float>& values);
+
+  bool empty() const { return chunk_.empty(); }
+  // The value beside a change of sign (across a face), elsewhere 0.5 with its sign.
+  float operator[](std::size_t v) const {
+    return values_[std::size_t{chunk_[v / kChunk]} * kChunk + v % kChunk];
+  }
+  // Values of the voxels first .. first + count - 1.
+  void copy(std::size_t first, std::size_t count, float* values) const;
+
+ private:
+  static constexpr std::size_t kChunk = 16;
+  void add_planes(const Index3& size, const FillPlane& fill, int first, std::vector<float>& stored);
+
+  std::vector<std::uint32_t> chunk_;  // place of the chunk's values; 0 and 1 are -0.5 and 0.5
+  std::vector<float> values_;
+};
+
+}  // namespace toothprep

@@ -1,0 +1,174 @@
+// Distances near a mask, its parts and signed fields against what counting says.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <queue>
+#include <random>
+
+#include "toothprep/tools/segmentation/iso_distance.h"
+#include "toothprep/tools/segmentation/mask_parts.h"
+#include "toothprep/tools/segmentation/near_distance.h"
+#include "toothprep/tools/segmentation/signed_field.h"
+
+namespace toothprep {
+namespace {
+
+const Index3 kSize(19, 14, 11);
+constexpr std::size_t kVoxels = 19 * 14 * 11;
+
+Mask random_mask(unsigned seed, double share) {
+  std::mt19937 random(seed);
+  Mask mask(kVoxels);
+  for (auto& m : mask) m = random() < share * 4294967296.0;
+  return mask;
+}
+
+float brute_distance(const Mask& mask, std::size_t v) {
+  int least = std::numeric_limits<int>::max();
+  for (std::size_t o = 0; o < kVoxels; ++o)
+    if (mask[o]) least = std::min(least, (index_of(kSize, o) - index_of(kSize, v)).squaredNorm());
+  return std::sqrt(static_cast<float>(least));
+}
+
+TEST(NearDistance, IsExactUpToItsReachAndInfiniteBeyond) {
+  for (const double share : {0.0005, 0.003, 0.03, 0.5})
+    for (const int reach : {1, 3, 6}) {
+      const Mask mask = random_mask(7, share);
+      const NearDistance near(kSize, mask, reach);
+      for (std::size_t v = 0; v < kVoxels; ++v) {
+        const float truth = brute_distance(mask, v);
+        if (truth <= static_cast<float>(reach))
+          ASSERT_EQ(near[v], truth) << v;
+        else
+          ASSERT_TRUE(std::isinf(near[v])) << v << ": " << near[v] << " of " << truth;
+      }
+    }
+}
+
+TEST(NearDistance, OfNothingIsInfinite) {
+  const NearDistance near(kSize, Mask(kVoxels, 0), 5);
+  for (std::size_t v = 0; v < kVoxels; ++v) ASSERT_TRUE(std::isinf(near[v]));
+}
+
+TEST(DepthBelowSurface, IsHalfAVoxelInTheOutermostVoxelsAndItsNegativeBesideThem) {
+  Mask mask(kVoxels, 0);
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    const Index3 i = index_of(kSize, v);
+    mask[v] = i.x() >= 5 && i.x() < 14 && i.y() >= 3 && i.y() < 11 && i.z() >= 2 && i.z() < 9;
+  }
+  const std::vector<float> depth = depth_below_surface(kSize, mask, 3);
+  const auto at = [&](int i, int j, int k) {
+    return depth[(static_cast<std::size_t>(k) * 14 + static_cast<std::size_t>(j)) * 19 +
+                 static_cast<std::size_t>(i)];
+  };
+  EXPECT_EQ(at(5, 6, 5), 0.5f);
+  EXPECT_EQ(at(7, 6, 5), 2.5f);
+  EXPECT_EQ(at(4, 6, 5), -0.5f);
+  EXPECT_EQ(at(2, 6, 5), -2.5f);
+  EXPECT_EQ(at(4, 2, 5), 0.5f - std::sqrt(2.0f));
+  EXPECT_EQ(at(0, 6, 5), -std::numeric_limits<float>::infinity());
+}
+
+// Parts by flooding, numbered in the order in which they are met.
+std::vector<int> flooded(const Mask& mask, int value) {
+  std::vector<int> part(kVoxels, -1);
+  int parts = 0;
+  for (std::size_t start = 0; start < kVoxels; ++start) {
+    if (mask[start] != value || part[start] >= 0) continue;
+    std::queue<std::size_t> open({start});
+    part[start] = parts;
+    while (!open.empty()) {
+      const Index3 at = index_of(kSize, open.front());
+      open.pop();
+      for (int a = 0; a < 6; ++a) {
+        Index3 o = at;
+        o[a / 2] += a % 2 ? 1 : -1;
+        if (o.minCoeff() < 0 || (kSize - o).minCoeff() <= 0) continue;
+        const auto v = static_cast<std::size_t>((o.z() * 14 + o.y()) * 19 + o.x());
+        if (mask[v] != value || part[v] >= 0) continue;
+        part[v] = parts;
+        open.push(v);
+      }
+    }
+    ++parts;
+  }
+  return part;
+}
+
+TEST(MaskParts, AreThoseThatFloodingFindsFromTheLargestDown) {
+  for (const double share : {0.05, 0.3, 0.5, 0.9})
+    for (const bool of_rest : {false, true}) {
+      const Mask mask = random_mask(3, share);
+      const MaskParts parts = parts_of(kSize, mask, of_rest);
+      const std::vector<int> truth = flooded(mask, of_rest ? 0 : 1);
+      std::vector<std::size_t> size(parts.count(), 0), first(parts.count(), kVoxels);
+      std::vector<std::uint8_t> at_edge(parts.count(), 0);
+      std::vector<int> same(parts.count(), -1);
+      std::size_t covered = 0;
+      parts.for_each([&](std::size_t from, std::size_t end, std::size_t part) {
+        for (std::size_t v = from; v < end; ++v, ++covered) {
+          const Index3 i = index_of(kSize, v);
+          ASSERT_GE(truth[v], 0);
+          if (same[part] < 0) same[part] = truth[v], first[part] = v;
+          ASSERT_EQ(same[part], truth[v]);
+          ++size[part];
+          if (i.minCoeff() == 0 || (kSize - i).minCoeff() == 1) at_edge[part] = 1;
+        }
+      });
+      EXPECT_EQ(covered, static_cast<std::size_t>(std::count_if(truth.begin(), truth.end(),
+                                                                [](int t) { return t >= 0; })));
+      EXPECT_EQ(parts.count(),
+                static_cast<std::size_t>(*std::max_element(truth.begin(), truth.end()) + 1));
+      EXPECT_EQ(size, parts.voxels);
+      EXPECT_EQ(at_edge, parts.at_edge);
+      for (std::size_t p = 1; p < parts.count(); ++p)
+        EXPECT_TRUE(size[p - 1] > size[p] || (size[p - 1] == size[p] && first[p - 1] < first[p]));
+    }
+}
+
+TEST(MaskParts, WhatIsEnclosedIsFilledAndTheLargestKept) {
+  Mask mask(kVoxels, 0);
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    const Index3 i = index_of(kSize, v);
+    const int shell = (i - Index3(6, 6, 5)).cwiseAbs().maxCoeff();
+    mask[v] = shell == 3 || i == Index3(16, 2, 2);
+  }
+  keep_largest_component(kSize, mask);
+  fill_enclosed(kSize, mask);
+  EXPECT_EQ(std::count(mask.begin(), mask.end(), 1), 7 * 7 * 7);
+}
+
+TEST(SignedField, GivesTheSameDistancesAsTheWholeField) {
+  std::vector<float> values(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    const Vec3 x = index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7);
+    values[v] = static_cast<float>(4.1 - x.norm() + 0.3 * std::sin(x.x()));
+  }
+  const SignedField field(kSize, values);
+  std::vector<float> copied(kVoxels);
+  field.copy(0, 100, copied.data());
+  field.copy(100, kVoxels - 100, copied.data() + 100);
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    EXPECT_EQ(copied[v], field[v]);
+    EXPECT_EQ(field[v] > 0, values[v] > 0);
+  }
+  EXPECT_EQ(iso_distance(kSize, copied, 3), iso_distance(kSize, values, 3));
+}
+
+TEST(IsoDistance, InSomePlanesIsWhatItIsInAll) {
+  std::vector<float> values(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v)
+    values[v] =
+        static_cast<float>(2.6 - (index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7)).norm());
+  const std::vector<float> whole = iso_distance(kSize, values, 2);
+  // Planes 4 and 5, from the planes 1 to 8.
+  const std::size_t plane = 19 * 14;
+  std::vector<float> some(2 * plane);
+  iso_distance_in(Index3(19, 14, 8), values.data() + plane, 2, 3, 5, some.data());
+  EXPECT_TRUE(std::equal(some.begin(), some.end(), whole.begin() + 4 * plane));
+}
+
+}  // namespace
+}  // namespace toothprep
