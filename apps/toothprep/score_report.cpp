@@ -49,7 +49,13 @@ class Studio {
     part.tooth = &assessment_.prepared.tooth;
     return part;
   }
-  RenderPart original() const { return part_of(assessment_.original.tooth); }
+  RenderPart original() const {
+    if (!assessment_.original.layered) return part_of(assessment_.original.tooth);
+    RenderPart part;
+    part.mesh = assessment_.original.surface;
+    part.tooth = &assessment_.original.tooth;
+    return part;
+  }
   // The prepared surface with one number per vertex, red where positive, blue where negative.
   static RenderPart coloured(const TriangleMesh& surface, std::vector<float> values) {
     RenderPart part;

@@ -37,15 +37,25 @@ bool is_recording(const std::string& path) {
   return has_extension(path, ".h5") || has_extension(path, ".hdf5");
 }
 
-ViewLayer read_layer(const std::string& path, bool strict) {
+std::string file_name(const std::string& path) {
+  return std::filesystem::path(path).filename().string();
+}
+
+// A tooth without its surface: the page's comes from the voxels, in blocks.
+ViewLayer layer_of(const std::string& path, LayeredTooth tooth) {
+  if (!(volume_mm3(tooth.solid, tooth.lattice.voxel) > 0))
+    throw InputError(path, "grid 'solid'", "nothing remains, so there is nothing to draw");
   ViewLayer layer;
-  layer.name = std::filesystem::path(path).filename().string();
-  Drawn drawn = read_drawn(path, strict);
-  if (drawn.tooth) {
-    layer.tooth = std::move(drawn.tooth);
-    return layer;
-  }
-  layer.mesh = std::move(drawn.part.mesh);
+  layer.name = file_name(path);
+  layer.tooth = std::make_unique<LayeredTooth>(std::move(tooth));
+  return layer;
+}
+
+ViewLayer read_layer(const std::string& path, bool strict) {
+  if (has_extension(path, ".vdb")) return layer_of(path, load_tooth(path, strict));
+  ViewLayer layer;
+  layer.name = file_name(path);
+  layer.mesh = read_drawn(path).part.mesh;
   layer.deviation =
       vertex_property(path, layer.mesh, "deviation_mm").value_or(std::vector<float>());
   return layer;
@@ -65,9 +75,9 @@ void add_scored_teeth(const std::string& path, bool strict, std::vector<ViewLaye
   const ScoredInputs inputs = read_scored_inputs(path);
   for (const std::string& file : inputs.changed)
     warn_or_refuse({file + ": has been changed since it was scored"}, strict);
-  layers.push_back(read_layer(inputs.original, strict));
   if (inputs.target.empty()) {
-    layers.push_back(read_layer(inputs.prepared, strict));
+    for (const std::string& file : {inputs.original, inputs.prepared})
+      layers.push_back(read_layer(file, strict));
     return;
   }
   AssessmentOptions options;
@@ -79,8 +89,11 @@ void add_scored_teeth(const std::string& path, bool strict, std::vector<ViewLaye
   options.voxel = inputs.voxel_mm.value_or(options.voxel);
   Assessment compared = compare_teeth(options);
   warn_or_refuse(compared.sheet.warnings, strict);
+  layers.push_back(compared.original.layered
+                       ? layer_of(inputs.original, std::move(compared.original.tooth))
+                       : read_layer(inputs.original, strict));
   ViewLayer prepared;
-  prepared.name = std::filesystem::path(inputs.prepared).filename().string();
+  prepared.name = file_name(inputs.prepared);
   prepared.tooth = std::make_unique<LayeredTooth>(std::move(compared.prepared.tooth));
   prepared.mesh = std::move(compared.prepared.surface);
   prepared.deviation = std::move(compared.deviation->per_vertex);
