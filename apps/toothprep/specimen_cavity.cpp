@@ -187,6 +187,10 @@ void add_cavity(CLI::App& specimen, const Common& common) {
       ->excludes(both);
   stump->add_option("--stump-corner-mm", o->stump_corner,
                     "Radius of its vertical edges (default: the tooth's less the shoulder)");
+  number(stump, "--occlusal-radius-mm", c.occlusal_radius, "Rounding of the edge of its top");
+  number(stump, "--shoulder-radius-mm", c.shoulder_radius,
+         "Rounding between walls and shoulder: a chamfer");
+  number(stump, "--shoulder-slope-deg", c.shoulder_slope, "The shoulder falls outwards: a bevel");
 
   number(sub, "--offset-mm", c.offset, "Grow the cavity by this on all sides");
   sub->footer(

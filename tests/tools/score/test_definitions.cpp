@@ -57,6 +57,8 @@ TEST(Definitions, KeysCarryTheirUnit) {
 TEST(Definitions, NamesSayWhichMember) {
   EXPECT_EQ(quantity_name("floor_tilt_deg"), "floor tilt");
   EXPECT_EQ(quantity_name("wall_angles_deg.mesial"), "wall angle (mesial)");
+  EXPECT_EQ(quantity_name("wall_angles_deg.proximal_buccal"), "wall angle (proximal buccal)");
+  EXPECT_EQ(quantity_name("wall_angles_deg.u_plus"), "wall angle (u_plus)");
   EXPECT_EQ(quantity_name("something_else"), "something_else");
   EXPECT_EQ(find_definition("wall_angles_deg"), nullptr);  // a group is no quantity
 }

@@ -164,6 +164,17 @@ void check_stump(const CavityOptions& o) {
   if (o.stump_corner) in_range("the stump's corner radius", *o.stump_corner, 0, 50, "mm");
   const double height = o.shoulder_level - o.occlusal_reduction;
   if (!(height > kLeastGap)) refuse("the shoulder must lie below the stump's top");
+  in_range("the radius of the top's edge", o.occlusal_radius, 0, 5, "mm");
+  in_range("the radius of the shoulder's line angle", o.shoulder_radius, 0, 5, "mm");
+  in_range("the shoulder's slope", o.shoulder_slope, 0, 74, "deg");
+  if (has_shaped_profile(o)) {
+    if (o.offset > 0 || o.pulp_depth)
+      refuse("a rounded or sloping stump together with an offset or a pulp is not offered");
+    if (!(o.occlusal_radius + o.shoulder_radius < height))
+      refuse("the radii of a stump's top and shoulder must be less than its height together");
+    if (!(o.shoulder_level + o.shoulder_width * tan_degree(o.shoulder_slope) < o.size.y()))
+      refuse("the shoulder's slope reaches the tooth's bottom");
+  }
   if (!(o.shoulder_level + o.offset < o.size.y()))
     refuse("the shoulder must lie above the tooth's bottom");
   const Plan stump = stump_plan(o), tooth = tooth_plan(o);
@@ -191,6 +202,10 @@ void check_stump(const CavityOptions& o) {
                 std::min(stump.half_u, stump.half_v) + top(stump.round, o.convergence_u) < kLeastGap
           : top(stump.half_u, o.convergence_u) < kLeastGap ||
                 top(stump.half_v, o.convergence_v) < kLeastGap;
+  if (!(o.occlusal_radius <=
+        top(stump.round > 0 ? stump.round : std::min(stump.half_u, stump.half_v),
+            std::max(o.convergence_u, o.convergence_v))))
+    refuse("the radius of the stump's top edge must be at most that of its corners there");
   if (meet)
     refuse(
         "the stump's walls (or its rounded corners) meet below its top; make the convergence "

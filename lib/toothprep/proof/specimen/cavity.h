@@ -26,7 +26,10 @@
 //              that level, walls that converge by convergence_u and convergence_v in all (both
 //              walls together; negative: undercut), vertical edges rounded by stump_corner at the
 //              level of the shoulder. Rounded walls are cones with vertical axes, which needs the
-//              same convergence in u and v.
+//              same convergence in u and v. The edge of its top may be rounded by occlusal_radius,
+//              the line angle of its shoulder by shoulder_radius (in a plane across the wall; where
+//              that is more than the shoulder is wide, the finish line lies on the arc, above
+//              shoulder_level), and the shoulder may fall outwards by shoulder_slope.
 //   offset     grows the cavity by that distance on all sides: the set of points nearer to it than
 //              `offset`, whose surface is rounded along the cavity's outer line angles. The
 //              cavity without it is its target, and the distance from any point of the cut surface
@@ -83,6 +86,9 @@ struct CavityOptions {
   double occlusal_reduction = 1.5, shoulder_level = 5.5, shoulder_width = 1;
   double convergence_u = 10, convergence_v = 10;  // (-30, 60)
   std::optional<double> stump_corner;             // absent: max(0, corner - shoulder_width)
+  double occlusal_radius = 0;                     // of the edge between top and walls
+  double shoulder_radius = 0;  // of the line angle between walls and shoulder: a chamfer
+  double shoulder_slope = 0;   // the shoulder falls outwards by that angle: a bevel; [0, 75)
 
   double offset = 0;  // 0 .. 1
 };
@@ -134,7 +140,10 @@ using CavityTruth = std::vector<TruthFigure>;
 //     gingival_floor_tilt_deg, axial_depth_mm (from the tooth's side, half-way between both
 //     floors), axial_depth_floor_mm, box_clearance_mm
 //   stump: margin_width_mm (of u and v the mean), wall_height_mm, occlusal_reduction_mm,
-//     axial_reduction_mm.mesial|distal|buccal|lingual (horizontal, at half the wall's height)
+//     axial_reduction_mm.mesial|distal|buccal|lingual (horizontal, at half the wall's height),
+//     line_angle_radius_mm, cavosurface_angle_deg, margin_form.shoulder|chamfer|bevel,
+//     margin_gaps, occlusoaxial_radius_mm, occlusoaxial_angle_deg. With a rounded edge or
+//     shoulder or a slope, volumes, wall_height_mm and axial reductions are left out
 //   undercut_along_axis_mm, undercut_along_axis_area_mm2: how far a wall lies horizontally behind
 //     the edge above it, and such walls' area; undercut_draws: 1 if a path of draw, maybe tilted,
 //     frees all walls; undercut_max_mm, undercut_area_mm2 along the best path: none if it draws, as

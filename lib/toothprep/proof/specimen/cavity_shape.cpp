@@ -9,17 +9,30 @@
 namespace toothprep {
 namespace {
 
-// Distance to the convex wedge {w > w0, q > q0 - (w - w0) slope} of the plane (q, w); exact
+// Signed distance to a convex corner of two half-planes whose edge is rounded by `radius`, from the
+// signed distances a and b to their borders and the cosine between their outward normals; exact
 // outside, and inside too.
-double wedge_distance(double q, double w, double q0, double w0, double slope) {
-  const double cosine = 1 / std::hypot(1, slope);
-  const double below = w0 - w, within = (q0 - q - (w - w0) * slope) * cosine;
-  if (below <= 0 && within <= 0) return std::max(below, within);
-  // The two rays that bound it start at (q0, w0): along +q, and up the wall.
-  const double along = std::max(0.0, q - q0);
-  const double up = std::max(0.0, (-(q - q0) * slope + (w - w0)) * cosine);
-  return std::min(std::hypot(q - q0 - along, w - w0),
-                  std::hypot(q - q0 + up * slope * cosine, w - w0 - up * cosine));
+double corner_distance(double a, double b, double cosine, double radius = 0) {
+  a += radius;
+  b += radius;
+  if (a - b * cosine <= 0 || b - a * cosine <= 0 || (a <= 0 && b <= 0))
+    return std::max(a, b) - radius;
+  return std::sqrt((a * a + b * b - 2 * a * b * cosine) / (1 - cosine * cosine)) - radius;
+}
+
+// The cavity in a plane across a stump's wall: q outwards, the wall at q0 on the shoulder's level.
+double beside_wall(const CavityOptions& o, double q, double w, double q0, double slope) {
+  const double w0 = -o.shoulder_level, fall = tan_degree(o.shoulder_slope);
+  const double wall = 1 / std::hypot(1, slope), ledge = 1 / std::hypot(1, fall);
+  const double within = (q0 - q - (w - w0) * slope) * wall;
+  const double below = (w0 - w - (q - q0) * fall) * ledge;
+  const double beside =
+      corner_distance(below, within, (fall + slope) * ledge * wall, o.shoulder_radius);
+  if (!(o.occlusal_radius > 0)) return beside;
+  // What the rounding takes off the edge, down to where it leaves the wall.
+  const double top = -o.occlusal_reduction, radius = o.occlusal_radius;
+  const double edge = corner_distance(w - top, -within, slope * wall, radius);
+  return std::min(beside, std::max(-edge, top - radius * (1 - slope * wall) - w));
 }
 
 // Distance to the parabola y = k u² (k not 0), negative above it. The foot t solves
@@ -55,14 +68,13 @@ double extension(const CavityOptions& o) { return 1 + o.offset + 4 * o.voxel; }
 
 // The distance of p to the part of a stump's cavity beside its walls and above its shoulder.
 double beside_stump(const CavityOptions& o, const Plan& stump, const Vec3& p) {
-  const double w0 = -o.shoulder_level;
   if (stump.round > 0)
-    return wedge_distance(rectangle_distance(p.x(), p.y(), stump.half_u, stump.half_v), p.z(),
-                          stump.round, w0, tan_degree(o.convergence_u / 2));
+    return beside_wall(o, rectangle_distance(p.x(), p.y(), stump.half_u, stump.half_v), p.z(),
+                       stump.round, tan_degree(o.convergence_u / 2));
   // By the symmetry of the pair, the wall on p's side is the nearer one.
   return std::min(
-      wedge_distance(std::abs(p.x()), p.z(), stump.half_u, w0, tan_degree(o.convergence_u / 2)),
-      wedge_distance(std::abs(p.y()), p.z(), stump.half_v, w0, tan_degree(o.convergence_v / 2)));
+      beside_wall(o, std::abs(p.x()), p.z(), stump.half_u, tan_degree(o.convergence_u / 2)),
+      beside_wall(o, std::abs(p.y()), p.z(), stump.half_v, tan_degree(o.convergence_v / 2)));
 }
 
 }  // namespace

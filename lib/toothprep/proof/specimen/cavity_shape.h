@@ -20,6 +20,10 @@ struct Plan {
 };
 Plan tooth_plan(const CavityOptions& options);
 Plan stump_plan(const CavityOptions& options);  // at the level of the shoulder
+// Whether a stump's edge is rounded or its shoulder is rounded or slopes.
+inline bool has_shaped_profile(const CavityOptions& o) {
+  return o.occlusal_radius > 0 || o.shoulder_radius > 0 || o.shoulder_slope > 0;
+}
 
 double tooth_distance(const CavityOptions& options, const Vec3& p);
 ConvexPolyhedron pulp_box(const CavityOptions& options);  // options.pulp_depth must be there

@@ -198,6 +198,7 @@ Volumes stump_volumes(const CavityOptions& o) {
     return sides + outline * std::max(0.0, level - top);
   };
   Volumes volume;
+  volume.known = volume.tissues_known = !has_shaped_profile(o);
   volume.total = removed_below(0);
   volume.below_enamel = removed_below(-o.enamel);
   if (o.pulp_depth)
@@ -520,6 +521,9 @@ void add_box(const CavityOptions& o, CavityTruth& truth) {
     put("box_width_floor_mm", width_at(-gingival));
     put("gingival_depth_mm", gingival);
     put("axial_depth_floor_mm", axial_depth_at(-gingival));
+    put("gingival_floor_width_mm", axial_depth_at(-gingival));
+    put("convergence_deg.proximal", -2 * o.proximal_taper);
+    if (o.offset == 0) put("axiopulpal_radius_mm", 0);
     if (o.floor_tilt_u == 0 && o.floor_tilt_v == 0) {
       put("axial_wall_height_mm", gingival - pulpal);
       put("gingival_floor_tilt_deg", 0);
@@ -547,6 +551,51 @@ void add_box(const CavityOptions& o, CavityTruth& truth) {
   }
 }
 
+// A stump's margin in a plane across its wall: where the shoulder, its rounding or its slope comes out at
+// the tooth's side.
+struct MarginProfile {
+  double width = 0;      // mm, to the wall extended down
+  double slope_deg = 0;  // how steeply the ledge falls outwards there
+  double arc = 0;        // share of the ledge, from wall to finish line, that the rounding takes
+};
+MarginProfile margin_profile(const CavityOptions& o, double wall_slope) {
+  const double fall = tan_degree(o.shoulder_slope), r = o.shoulder_radius;
+  const double wall = std::hypot(1, wall_slope), ledge = std::hypot(1, fall);
+  // q outwards and w up from where wall and ledge would meet; the arc's middle is r off both.
+  const double determinant = 1 - wall_slope * fall;
+  const double middle_q = r * (wall - wall_slope * ledge) / determinant;
+  const double middle_w = r * (ledge - fall * wall) / determinant;
+  const double tangent_q = middle_q - r * fall / ledge;
+  MarginProfile profile;
+  double w = -o.shoulder_width * fall;
+  if (o.shoulder_width >= tangent_q) {
+    profile.slope_deg = o.shoulder_slope;
+    profile.arc = tangent_q / o.shoulder_width;
+  } else {
+    const double aside = middle_q - o.shoulder_width;
+    w = middle_w - std::sqrt(r * r - aside * aside);
+    profile.slope_deg = units::to_degree(std::asin(aside / r));
+    profile.arc = 1;
+  }
+  profile.width = o.shoulder_width + w * wall_slope;
+  return profile;
+}
+
+void add_profile(const CavityOptions& o, double wall_slope, CavityTruth& truth) {
+  const MarginProfile margin = margin_profile(o, wall_slope);
+  const auto put = [&](const std::string& key, double value) { truth.push_back({key, value}); };
+  const bool chamfer = margin.arc > 0.5, bevel = !chamfer && margin.slope_deg > 30;
+  put("margin_form.shoulder", !chamfer && !bevel);
+  put("margin_form.chamfer", chamfer);
+  put("margin_form.bevel", bevel);
+  if (has_shaped_profile(o)) put("margin_width_mm", margin.width);
+  put("margin_gaps", 0);
+  put("cavosurface_angle_deg", 90 + margin.slope_deg);
+  put("line_angle_radius_mm", o.shoulder_radius);
+  put("occlusoaxial_radius_mm", o.occlusal_radius);
+  put("occlusoaxial_angle_deg", 90 + units::to_degree(std::atan(wall_slope)));
+}
+
 void add_stump(const CavityOptions& o, CavityTruth& truth) {
   const auto put = [&](const std::string& key, double value) { truth.push_back({key, value}); };
   const double tu = tan_degree(o.convergence_u / 2), tv = tan_degree(o.convergence_v / 2);
@@ -568,17 +617,20 @@ void add_stump(const CavityOptions& o, CavityTruth& truth) {
     put("length" + name + "_mm", 2 * half(u, tu, above));
     put("width" + name + "_mm", 2 * half(v, tv, above));
   }
-  // The mean of both pairs, where their convergence differs.
-  put("margin_width_mm",
-      (o.size.x() / 2 - half(u, tu, -o.offset) + o.size.z() / 2 - half(v, tv, -o.offset)) / 2);
-  put("wall_height_mm", height);
+  if (o.offset == 0 && tu == tv) add_profile(o, tu, truth);
   put("occlusal_reduction_mm", o.occlusal_reduction + o.offset);
-  const double beside_u = o.size.x() / 2 - half(u, tu, height / 2 - o.offset),
-               beside_v = o.size.z() / 2 - half(v, tv, height / 2 - o.offset);
-  for (const char* name : {"mesial", "distal"})
-    put(std::string("axial_reduction_mm.") + name, beside_u);
-  for (const char* name : {"buccal", "lingual"})
-    put(std::string("axial_reduction_mm.") + name, beside_v);
+  if (!has_shaped_profile(o)) {
+    // The mean of both pairs, where their convergence differs.
+    put("margin_width_mm",
+        (o.size.x() / 2 - half(u, tu, -o.offset) + o.size.z() / 2 - half(v, tv, -o.offset)) / 2);
+    put("wall_height_mm", height);
+    const double beside_u = o.size.x() / 2 - half(u, tu, height / 2 - o.offset),
+                 beside_v = o.size.z() / 2 - half(v, tv, height / 2 - o.offset);
+    for (const char* name : {"mesial", "distal"})
+      put(std::string("axial_reduction_mm.") + name, beside_u);
+    for (const char* name : {"buccal", "lingual"})
+      put(std::string("axial_reduction_mm.") + name, beside_v);
+  }
   double depth = 0, area = 0;
   const Plan s = stump_plan(o);
   if (s.round > 0 && tu < 0) {

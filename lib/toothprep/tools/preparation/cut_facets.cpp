@@ -34,7 +34,7 @@ CutFacets::CutFacets(const TriangleMesh& surface, const std::vector<float>& dept
       const double s = (tolerance - depth[p]) / (double{depth[q]} - depth[p]);
       ends.push_back(corner(p) + s * (corner(q) - corner(p)));
     }
-    finish_.push_back({(ends[0] + ends[1]) / 2, (ends[1] - ends[0]).norm()});
+    finish_.push_back({(ends[0] + ends[1]) / 2, (ends[1] - ends[0]).norm(), ends[0], ends[1]});
   }
 
   std::vector<std::uint32_t> first_at(surface.vertices.size() + 1, 0), at;

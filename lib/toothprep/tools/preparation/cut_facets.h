@@ -23,6 +23,7 @@ struct Facet {
 struct FinishSegment {  // a piece of the line where the cut meets the original surface
   Vec3 middle = Vec3::Zero();
   double length = 0;
+  Vec3 from = Vec3::Zero(), to = Vec3::Zero();  // its ends
 };
 
 class CutFacets {

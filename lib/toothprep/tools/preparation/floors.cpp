@@ -77,6 +77,12 @@ double Weighted::mean() const {
   return sum / total;
 }
 
+double Weighted::weight() const {
+  double total = 0;
+  for (const auto& value : values_) total += value.weight;
+  return total;
+}
+
 Weighted depths_below(const std::vector<std::uint32_t>& of_floor, const CutFacets& facets,
                       const PreparationFrame& frame, const TriangleTree& original) {
   Weighted depths;

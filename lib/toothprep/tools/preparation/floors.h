@@ -44,6 +44,7 @@ class Weighted {
   bool empty() const { return values_.empty(); }
   double quantile(double q) const;  // NaN if empty
   double mean() const;
+  double weight() const;  // in all
 
  private:
   std::vector<WeightedValue> values_;

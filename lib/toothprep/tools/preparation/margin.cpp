@@ -49,17 +49,82 @@ double roughness_of(const std::vector<LinePoint>& line, const Vec2& centre) {
   return length > 0 ? std::sqrt(sum / length) : NAN;
 }
 
+constexpr int kSteps = 72;
+
+// Middle thirds of walls in plan.
+struct PlanPoint {
+  Vec2 at;
+  std::uint32_t facet;
+};
+
+// The mean wall of the dozen facets nearest to a point of the finish line, and the margin from there.
+// Walls that face within 15° of across the way from the middle are sides of what wasn't cut.
+MarginStation station_at(const Vec3& x, const Vec2& flat, const Vec2& centre,
+                         const std::vector<PlanPoint>& middle, const CutFacets& facets,
+                         const PreparationFrame& frame, double tolerance) {
+  constexpr std::size_t kNearest = 12;
+  const Vec2 way = (flat - centre).normalized();
+  const Vec3 out = way.x() * frame.u + way.y() * frame.v;
+  std::vector<std::pair<double, std::uint32_t>> near;
+  near.reserve(middle.size());
+  for (const PlanPoint& p : middle)
+    if (facets[p.facet].normal.dot(out) > 0.26)
+      near.push_back({(p.at - flat).squaredNorm(), p.facet});
+  const std::size_t count = std::min(kNearest, near.size());
+  if (count == 0) return {x, out, out, 0};
+  std::nth_element(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count - 1), near.end());
+  std::sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count));
+  Vec3 normal = Vec3::Zero(), on = Vec3::Zero();
+  double area = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const Facet& f = facets[near[k].second];
+    normal += f.area * f.normal;
+    on += f.area * f.centroid;
+    area += f.area;
+  }
+  normal.normalize();
+  on /= area;
+  MarginStation station;
+  station.across = (normal - normal.dot(frame.d) * frame.d).normalized();
+  station.wall_normal = normal;
+  station.width = (x - on).dot(normal) / normal.dot(station.across) + tolerance;
+  station.at = x + tolerance * station.across;
+  return station;
+}
+
+// Angles about the middle of the walls that a margin covers, as [from, to] with from in [0, 2 pi).
+struct Covered {
+  double from, to, radius;  // radians; mm
+};
+
+std::vector<MarginGap> gaps_between(std::vector<Covered> covered, double least) {
+  constexpr double kTurn = 2 * units::kPi;
+  if (covered.empty()) return {{units::kPi, kTurn, NAN}};
+  std::sort(covered.begin(), covered.end(),
+            [](const Covered& a, const Covered& b) { return a.from < b.from; });
+  const Covered again = {covered[0].from + kTurn, covered[0].to + kTurn, covered[0].radius};
+  std::vector<MarginGap> gaps;
+  // What runs on beyond the full turn covers the beginning, too.
+  Covered last = covered[0];
+  for (const Covered& c : covered)
+    if (c.to - kTurn > last.to) last = {c.from - kTurn, c.to - kTurn, c.radius};
+  covered.push_back(again);
+  for (const Covered& c : covered) {
+    const double angle = c.from - last.to;
+    const double length = angle * (c.radius + last.radius) / 2;
+    if (length > least) gaps.push_back({last.to + angle / 2, angle, length});
+    if (c.to > last.to) last = c;
+  }
+  return gaps;
+}
+
 }  // namespace
 
 Margin measure_margin(const CutFacets& facets, const std::vector<WallFacet>& walls,
-                      const PreparationFrame& frame, double tolerance,
+                      const PreparationFrame& frame, double tolerance, double voxel,
                       const std::vector<FinishSegment>& finish_line) {
-  struct Point {
-    Vec2 at;
-    std::uint32_t facet;
-  };
   const auto flat = [&](const Vec3& x) { return Vec2(frame.along_u(x), frame.along_v(x)); };
-  std::vector<Point> middle;
+  std::vector<PlanPoint> middle;
   Vec2 centre = Vec2::Zero();
   double lowest = 1e30, weight = 0;
   for (const WallFacet& w : walls) {
@@ -74,37 +139,40 @@ Margin measure_margin(const CutFacets& facets, const std::vector<WallFacet>& wal
   if (middle.empty()) return margin;
   centre /= weight;
 
-  constexpr std::size_t kNearest = 12;
-  constexpr int kSteps = 72;
+  constexpr double kTurn = 2 * units::kPi, kStep = kTurn / kSteps;
+  const auto angle_of = [&](const Vec3& x) {
+    const Vec2 r = flat(x) - centre;
+    const double angle = std::atan2(r.y(), r.x());
+    return angle < 0 ? angle + kTurn : angle;
+  };
   std::array<Weighted, kSteps> around;
+  std::array<std::optional<MarginStation>, kSteps> stations;
+  std::array<double, kSteps> off_middle;  // of the station, radians
+  off_middle.fill(kTurn);
+  std::vector<Covered> covered;
   for (const FinishSegment& s : facets.finish_line()) {
     const double height = frame.height(s.middle);
     if (height > lowest || !(s.length > 0)) continue;  // a patch above that wasn't cut
-    const Vec2 at = flat(s.middle);
-    const std::size_t count = std::min(kNearest, middle.size());
-    std::vector<std::pair<double, std::uint32_t>> near;
-    near.reserve(middle.size());
-    for (const Point& p : middle) near.push_back({(p.at - at).squaredNorm(), p.facet});
-    std::nth_element(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count - 1),
-                     near.end());
-    std::sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count));
-    Vec3 normal = Vec3::Zero(), on = Vec3::Zero();
-    double area = 0;
-    for (std::size_t k = 0; k < count; ++k) {
-      const Facet& f = facets[near[k].second];
-      normal += f.area * f.normal;
-      on += f.area * f.centroid;
-      area += f.area;
+    const MarginStation station =
+        station_at(s.middle, flat(s.middle), centre, middle, facets, frame, tolerance);
+    margin.width.add(station.width, s.length);
+    const double angle = angle_of(s.middle);
+    const int step = static_cast<int>(angle / kStep) % kSteps;
+    around[step].add(station.width, s.length);
+    const double off = std::abs(angle - (step + 0.5) * kStep);
+    if (off < off_middle[step]) {
+      off_middle[step] = off;
+      stations[step] = station;
     }
-    normal.normalize();
-    on /= area;
-    const Vec3 across = (normal - normal.dot(frame.d) * frame.d).normalized();
-    const double width = (s.middle - on).dot(normal) / normal.dot(across) + tolerance;
-    margin.width.add(width, s.length);
-    const double angle = std::atan2(at.y() - centre.y(), at.x() - centre.x());
-    const int step = static_cast<int>((angle / (2 * units::kPi) + 1) * kSteps) % kSteps;
-    around[step].add(width, s.length);
+    if (!(station.width > kNoMargin)) continue;
+    double a = angle_of(s.from), b = angle_of(s.to);
+    if (a > b) std::swap(a, b);
+    if (b - a > units::kPi) std::swap(a += kTurn, b);  // it runs over the angle 0
+    covered.push_back({a, b, (flat(s.middle) - centre).norm()});
   }
+  for (const auto& station : stations)
+    if (station) margin.stations.push_back(*station);
+  margin.gaps = gaps_between(std::move(covered), std::max(kLeastGap, 2 * voxel));
   int good = 0;
   for (Weighted& w : around) good += !w.empty() && w.quantile(0.5) > kNoMargin;
   margin.continuity = static_cast<double>(good) / kSteps;

@@ -15,7 +15,7 @@
 #include "toothprep/tools/preparation/cut_facets.h"
 #include "toothprep/tools/preparation/floors.h"
 #include "toothprep/tools/preparation/frame.h"
-#include "toothprep/tools/preparation/margin.h"
+#include "toothprep/tools/preparation/profile.h"
 #include "toothprep/tools/preparation/texture.h"
 #include "toothprep/tools/preparation/undercut.h"
 #include "toothprep/tools/preparation/walls.h"
@@ -69,6 +69,13 @@ double angle_uncertainty(const Bench& bench, double span) {
 double angle_uncertainty(const Bench& bench, double span, double opposite_span) {
   const double a = angle_uncertainty(bench, span), b = angle_uncertainty(bench, opposite_span);
   return bench.options.cut_label_spacing > 0 ? a + b : std::hypot(a, b);
+}
+
+// Of an arc between two sides at that angle (degrees): what voxels bevel there is 0.41 of the radius
+// at a right angle, and less at a wider one.
+double radius_uncertainty(const Bench& bench, double angle_deg) {
+  const auto share = [](double degrees) { return 1 / std::sin(degrees * kDegree / 2) - 1; };
+  return bench.resolution() * std::max(1.0, share(90) / share(angle_deg));
 }
 
 std::string text_of(double value, fmt::format_string<double> format) {
@@ -276,18 +283,77 @@ TriangleMesh triangles_of(const TriangleMesh& surface, bool other) {
   return part;
 }
 
-void measure_box(Bench& bench, int gingival, int pulpal) {
+// How near the finish line comes to a neighbouring tooth below that height.
+void add_box_clearance(Bench& bench, double below) {
+  const TriangleMesh neighbour = has_tissues(bench.original_surface)
+                                     ? triangles_of(bench.original_surface, true)
+                                     : TriangleMesh{};
+  if (neighbour.triangles.empty()) return;
+  const TriangleTree tree(neighbour);
+  double least = NAN;
+  for (const FinishSegment& s : bench.facets.finish_line()) {
+    if (bench.frame().height(s.middle) > below) continue;
+    const double distance = tree.nearest(s.middle).distance;
+    if (!(distance >= least)) least = distance;
+  }
+  bench.add_length("box_clearance_mm", least);
+}
+
+// How far the axial wall stands within the proximal surface, half-way between the floors and at the
+// gingival floor, and the edge above it. Beside the isthmus the wall goes on to the margin.
+void add_axial_wall(Bench& bench, const std::vector<WallFacet>& box, const Wall& axial,
+                    const Floor& floor, double step) {
+  const PreparationFrame& frame = bench.frame();
+  const Vec3 out = -outward(axial.side, frame);
+  const double lean = std::tan(axial.angle_deg * kDegree);
+  Weighted reach, at_floor;
+  std::vector<MarginStation> stations;
+  for (const WallFacet& w : box) {
+    const Facet& f = bench.facets[w.facet];
+    const double height = frame.height(f.centroid) - floor.plane.level;
+    if (w.side != axial.side || !w.plain || std::abs(height / step - 0.5) > 1.0 / 6) continue;
+    if (const auto hit = bench.original_tree.first_hit(f.centroid, out))
+      reach.add(hit->distance, f.area);
+    const Vec3 foot = f.centroid - height * frame.d + height * lean * out;
+    if (const auto hit = bench.original_tree.first_hit(foot, out))
+      at_floor.add(hit->distance, f.area);
+    const Vec3 across = (f.normal - f.normal.dot(frame.d) * frame.d).normalized();
+    stations.push_back({f.centroid, across, f.normal, 0});
+  }
+  bench.add_length("axial_depth_mm", reach.quantile(0.5));
+  bench.add_length("gingival_floor_width_mm", at_floor.quantile(0.5));
+  constexpr std::size_t kPlaces = 40;
+  std::vector<MarginStation> some;
+  for (std::size_t n = 0; n < stations.size(); n += stations.size() / kPlaces + 1)
+    some.push_back(stations[n]);
+  const OuterEdge edge =
+      measure_outer_edge(some, bench.facets, frame, bench.tree, step, bench.voxel());
+  bench.add("axiopulpal_radius_mm", edge.radius.quantile(0.5),
+            radius_uncertainty(bench, edge.angle.quantile(0.5)), "mm");
+}
+
+// The walls that stand on a gingival floor, by their sides.
+struct Box {
+  std::vector<WallFacet> facets;
+  std::array<Wall, 4> sides;
+  Side open = Side::kMesial;
+
+  Box(const Bench& bench, int gingival) {
+    for (const WallFacet& w : bench.walls)
+      if (w.floor == gingival) facets.push_back(w);
+    sides = four_walls(bench, facets);
+    // It is open where it has least wall, mesially or distally or at the side.
+    for (const Wall& wall : sides)
+      if (wall.area < sides[static_cast<int>(open)].area) open = wall.side;
+  }
+  const Wall& axial() const { return sides[static_cast<int>(opposite(open))]; }
+};
+
+void measure_box(Bench& bench, const Box& box, int gingival, int pulpal) {
   const PreparationFrame& frame = bench.frame();
   const Floor& floor = bench.floors[gingival];
-  std::vector<WallFacet> box;
-  for (const WallFacet& w : bench.walls)
-    if (w.floor == gingival) box.push_back(w);
-  const std::array<Wall, 4> sides = four_walls(bench, box);
-  // The box is open where it has least wall, mesially or distally or at the side.
-  const Wall* open = &sides[0];
-  for (const Wall& wall : sides)
-    if (wall.area < open->area) open = &wall;
-  const Wall& axial = sides[static_cast<int>(opposite(open->side))];
+  const std::array<Wall, 4>& sides = box.sides;
+  const Wall& axial = box.axial();
 
   Weighted depths = depths_below(floor.facets, bench.facets, frame, bench.original_tree);
   bench.add_length("gingival_depth_mm", depths.quantile(0.5));
@@ -297,40 +363,24 @@ void measure_box(Bench& bench, int gingival, int pulpal) {
   bench.add_length("axial_wall_height_mm", step);
   add_floor(bench, floor, "gingival_");
   for (const Wall& wall : sides) {
-    if (wall.middle.empty() || &wall == open) continue;
+    if (wall.middle.empty() || wall.side == box.open) continue;
     bench.add("wall_angles_deg." + (&wall == &axial ? std::string("axial")
                                                     : "proximal_" + side_name(wall.side, frame)),
               wall.angle_deg, angle_uncertainty(bench, wall.height), "deg");
   }
-  // Half-way between the floors; beside the isthmus the axial wall goes on to the margin.
-  Weighted reach;
-  for (const WallFacet& w : box) {
-    const Facet& f = bench.facets[w.facet];
-    const double up = (frame.height(f.centroid) - floor.plane.level) / step;
-    if (w.side != axial.side || !w.plain || std::abs(up - 0.5) > 1.0 / 6) continue;
-    if (const auto hit = bench.original_tree.first_hit(f.centroid, outward(open->side, frame)))
-      reach.add(hit->distance, f.area);
-  }
-  bench.add_length("axial_depth_mm", reach.quantile(0.5));
-  const bool lengthwise = std::abs(outward(open->side, frame).dot(frame.u)) > 0.5;
+  add_axial_wall(bench, box.facets, axial, floor, step);
+  const bool lengthwise = std::abs(outward(box.open, frame).dot(frame.u)) > 0.5;
   const Wall& a = sides[static_cast<int>(lengthwise ? Side::kBuccal : Side::kMesial)];
   const Wall& b = sides[static_cast<int>(opposite(a.side))];
   bench.add_length("box_width_mm", distance_between(a, b, (a.level + b.level) / 2));
-
-  const TriangleMesh neighbour = has_tissues(bench.original_surface)
-                                     ? triangles_of(bench.original_surface, true)
-                                     : TriangleMesh{};
-  if (neighbour.triangles.empty()) return;
-  const TriangleTree tree(neighbour);
-  double least = NAN;
-  const double below = bench.floors[pulpal].plane.level;
-  for (const FinishSegment& s : bench.facets.finish_line()) {
-    if (frame.height(s.middle) > below) continue;
-    const double distance = tree.nearest(s.middle).distance;
-    if (!(distance >= least)) least = distance;
-  }
-  bench.add_length("box_clearance_mm", least);
+  bench.add_length("box_width_floor_mm", distance_between(a, b, floor.plane.level));
+  if (!a.middle.empty() && !b.middle.empty())
+    bench.add("convergence_deg.proximal", -(a.angle_deg + b.angle_deg),
+              angle_uncertainty(bench, a.height, b.height), "deg");
+  add_box_clearance(bench, bench.floors[pulpal].plane.level);
 }
+
+constexpr double kStepHeight = 0.3;  // mm, at least, between two floors of a class II
 
 // The two floors of a class II by their index: the lowest of some size, and the largest that lies
 // at least 0.3 mm above it; -1 where there is none.
@@ -347,9 +397,30 @@ Step find_step(const std::vector<Floor>& floors) {
       step.gingival = static_cast<int>(n);
   for (std::size_t n = 0; n < floors.size(); ++n)
     if (step.pulpal < 0 && floors[n].area > 0.08 * total &&
-        floors[n].plane.level > floors[step.gingival].plane.level + 0.3)
+        floors[n].plane.level > floors[step.gingival].plane.level + kStepHeight)
       step.pulpal = static_cast<int>(n);
   return step;
+}
+
+// The walls beside the pulpal floor. Beside the axial wall a blurred scan joins them with the box's,
+// whose way down may then end on the axial wall; so what lies beyond it, or within two voxels, is not
+// the occlusal part's.
+std::vector<WallFacet> occlusal_walls(const Bench& bench, const Box& box, int pulpal) {
+  const PreparationFrame& frame = bench.frame();
+  const Wall& axial = box.axial();
+  const Vec3 into = outward(axial.side, frame);
+  std::vector<WallFacet> occlusal;
+  for (const WallFacet& w : bench.walls) {
+    if (w.floor >= 0 &&
+        bench.floors[w.floor].plane.level < bench.floors[pulpal].plane.level - kStepHeight)
+      continue;
+    const Vec3& c = bench.facets[w.facet].centroid;
+    if (!axial.middle.empty() &&
+        (c - frame.origin).dot(into) < axial.distance_at(frame.height(c)) + 2 * bench.voxel())
+      continue;
+    occlusal.push_back(w);
+  }
+  return occlusal;
 }
 
 void measure_class2(Bench& bench) {
@@ -361,11 +432,9 @@ void measure_class2(Bench& bench) {
     measure_cavity(bench, bench.floors[0], bench.walls);
     return;
   }
-  std::vector<WallFacet> occlusal;
-  for (const WallFacet& w : bench.walls)
-    if (w.floor != gingival) occlusal.push_back(w);
-  measure_cavity(bench, bench.floors[pulpal], occlusal);
-  measure_box(bench, gingival, pulpal);
+  const Box box(bench, gingival);
+  measure_cavity(bench, bench.floors[pulpal], occlusal_walls(bench, box, pulpal));
+  measure_box(bench, box, gingival, pulpal);
 }
 
 // The margin of a tooth that was cut here.
@@ -375,9 +444,50 @@ std::vector<FinishSegment> sharp_finish_line(const LayeredTooth& prepared) {
   for (const auto& edge : surface.margin) {
     const Vec3 a = surface.mesh.vertices[edge[0]].cast<double>(),
                b = surface.mesh.vertices[edge[1]].cast<double>();
-    line.push_back({(a + b) / 2, (b - a).norm()});
+    line.push_back({(a + b) / 2, (b - a).norm(), a, b});
   }
   return line;
+}
+
+// How often and how far the margin is missing, and on which side.
+void add_gaps(Bench& bench, const Margin& margin) {
+  double all = 0, longest = 0;
+  std::string where;
+  for (const MarginGap& gap : margin.gaps) {
+    all += gap.angle;
+    longest = std::max(longest, gap.length);
+    const double u = std::cos(gap.middle), v = std::sin(gap.middle);
+    const Side side = std::abs(u) >= std::abs(v) ? (u > 0 ? Side::kMesial : Side::kDistal)
+                                                 : (v > 0 ? Side::kBuccal : Side::kLingual);
+    where += (where.empty() ? "" : ", ") + side_name(side, bench.frame()) +
+             fmt::format(" ({:.2f} mm)", gap.length);
+  }
+  bench.add("margin_gaps", static_cast<double>(margin.gaps.size()), NAN, "count");
+  bench.add("margin_gap_deg", all / kDegree, NAN, "deg");
+  bench.add("margin_gap_longest_mm", longest, 2 * bench.length_uncertainty(), "mm");
+  if (!where.empty()) bench.note("the margin is interrupted: " + where);
+}
+
+// What kind of margin it is, and the edge above the walls.
+void add_profiles(Bench& bench, const Margin& margin) {
+  const MarginProfiles profiles = measure_profiles(margin, bench.facets, bench.frame(), bench.tree,
+                                                   bench.original_tree, bench.voxel());
+  for (std::size_t n = 0; n < kMarginForms.size(); ++n)
+    bench.add("margin_form." + std::string(kMarginForms[n]), profiles.share[n], NAN, "1");
+  const double ledge = angle_uncertainty(bench, margin.width.quantile(0.5));
+  bench.add("cavosurface_angle_deg", profiles.cavosurface.quantile(0.5), ledge, "deg");
+  bench.add("line_angle_radius_mm", profiles.radius.quantile(0.5),
+            radius_uncertainty(bench, profiles.angle.quantile(0.5)), "mm");
+  const Quantity* height = find_quantity(bench.result.quantities, "wall_height_mm");
+  if (!height) return;
+  const OuterEdge edge = measure_outer_edge(margin.stations, bench.facets, bench.frame(),
+                                            bench.tree, height->value, bench.voxel());
+  if (edge.radius.empty()) return;
+  const double angle = edge.angle.quantile(0.5), radius = radius_uncertainty(bench, angle);
+  bench.add("occlusoaxial_radius_mm", edge.radius.quantile(0.5), radius, "mm");
+  bench.add("occlusoaxial_radius_min_mm", edge.radius.quantile(0.05), radius, "mm");
+  bench.add("occlusoaxial_angle_deg", angle, angle_uncertainty(bench, kEdgeReach), "deg");
+  bench.add("occlusoaxial_sharp", edge.sharp, NAN, "1");
 }
 
 void measure_crown(Bench& bench) {
@@ -423,12 +533,14 @@ void measure_crown(Bench& bench) {
 
   const bool sharp = bench.prepared.parts.has_value();
   const Margin margin =
-      measure_margin(bench.facets, bench.walls, frame, bench.tolerance,
+      measure_margin(bench.facets, bench.walls, frame, bench.tolerance, bench.voxel(),
                      sharp ? sharp_finish_line(bench.prepared) : bench.facets.finish_line());
   bench.add_length("margin_width_mm", margin.width.quantile(0.5));
   bench.add_length("margin_width_min_mm", margin.width.quantile(0.05));
   bench.add_length("margin_width_max_mm", margin.width.quantile(0.95));
   bench.add("margin_continuity", margin.continuity, NAN, "1");
+  add_gaps(bench, margin);
+  add_profiles(bench, margin);
   bench.add(
       "finish_line_roughness_mm", margin.roughness,
       sharp ? bench.voxel() / 10 : std::max(bench.voxel() / 4, bench.options.cut_label_spacing / 2),
@@ -480,11 +592,15 @@ void measure_pulp(Bench& bench) {
 // Angles between walls that face each other don't depend on the axis, nor do distances between
 // surfaces.
 bool depends_on_axis(const Quantity& q) {
-  if (q.unit == "deg") return !q.key.starts_with("convergence_deg");
+  if (q.unit == "deg")
+    return !q.key.starts_with("convergence_deg") && q.key != "cavosurface_angle_deg" &&
+           q.key != "occlusoaxial_angle_deg" && q.key != "margin_gap_deg";
   if (q.unit != "mm") return false;
-  for (const char* free : {"floor_flatness_mm", "gingival_floor_flatness_mm", "undercut_max_mm",
-                           "remaining_dentin_min_mm", "surface_roughness_mm",
-                           "line_angle_radius_mm", "box_clearance_mm", "finish_line_roughness_mm"})
+  for (const char* free :
+       {"floor_flatness_mm", "gingival_floor_flatness_mm", "undercut_max_mm",
+        "remaining_dentin_min_mm", "surface_roughness_mm", "line_angle_radius_mm",
+        "box_clearance_mm", "finish_line_roughness_mm", "occlusoaxial_radius_mm",
+        "occlusoaxial_radius_min_mm", "axiopulpal_radius_mm", "margin_gap_longest_mm"})
     if (q.key == free) return false;
   return true;
 }
@@ -616,6 +732,8 @@ void draw_sections(Bench& bench, const TriangleMesh* target) {
     section.origin = plan.origin;
     section.right = plan.right;
     section.up = frame.d;
+    section.left_side = side_name(opposite(plan.side), frame);
+    section.right_side = side_name(plan.side, frame);
     section.original = outlines_of(bench.original_surface, section);
     section.prepared = outlines_of(bench.surface, section);
     if (target) section.target = outlines_of(*target, section);
@@ -729,9 +847,10 @@ Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth
   measure_draw(bench);
   measure_pulp(bench);
   bench.add("surface_roughness_mm", surface_roughness(facets), NAN, "mm");
-  bench.add("line_angle_radius_mm",
-            line_angle_radius(facets, bench.walls, bench.floors, bench.frame(), tree),
-            bench.resolution(), "mm");
+  if (options.type != PreparationType::kCrown)
+    bench.add("line_angle_radius_mm",
+              line_angle_radius(facets, bench.walls, bench.floors, bench.frame(), tree),
+              bench.resolution(), "mm");
   widen_by_axis(bench);
   TriangleMesh target_surface;
   if (target) target_surface = extract_surface(*target, SurfaceOf::kAll);

@@ -25,11 +25,12 @@ struct SectionMark {
   bool dimension = false;                       // a distance (drawn with ticks), not a fitted line
 };
 
-struct Section {               // a plane through the tooth, with what it cuts
-  std::string name;            // "buccolingual", ...
-  Vec3 origin = Vec3::Zero();  // mm, W: where the plane's (0, 0) lies
-  Vec3 right = Vec3::UnitX();  // unit, W: the plane's x
-  Vec3 up = Vec3::UnitY();     // unit, W: the plane's y, towards the opening
+struct Section {                      // a plane through the tooth, with what it cuts
+  std::string name;                   // "buccolingual", ...
+  Vec3 origin = Vec3::Zero();         // mm, W: where the plane's (0, 0) lies
+  Vec3 right = Vec3::UnitX();         // unit, W: the plane's x
+  Vec3 up = Vec3::UnitY();            // unit, W: the plane's y, towards the opening
+  std::string left_side, right_side;  // of the tooth: "lingual", "buccal"; may be empty
   std::vector<Outline> original, prepared, target, pulp, dentin;  // any may be empty
   std::vector<SectionMark> marks;                                 // what was measured in it
 };

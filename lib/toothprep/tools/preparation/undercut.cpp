@@ -10,11 +10,12 @@
 namespace toothprep {
 namespace {
 
-constexpr double kDeepest = 3;        // mm: undercuts deeper than this count as this deep
-constexpr double kStep = 0.02;        // mm, of the search along the side
-constexpr double kOffSurface = 1e-3;  // mm
-constexpr double kRaised = 0.02;      // mm: over ripples of a floor, which would bar every way
-constexpr int kWays = 12;             // all around
+constexpr double kDeepest = 3;         // mm: undercuts deeper than this count as this deep
+constexpr double kStep = 0.02;         // mm, of the search along the side
+constexpr double kOffSurface = 1e-3;   // mm
+constexpr double kRaised = 0.02;       // mm: over ripples of a floor, which would bar every way
+constexpr int kWays = 12;              // all around
+const double kSteep = std::sqrt(0.5);  // of a wall's normal, the part across the path
 
 // How far from x along `side` (unit, across the path) the way out is free; kDeepest if nowhere.
 double free_after(const TriangleTree& tree, const Vec3& x, const Vec3& side, const Vec3& path,
@@ -86,13 +87,21 @@ Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, c
     const Vec3 side = flat.norm() > 1e-6 ? Vec3(flat.normalized()) : Vec3(path.unitOrthogonal());
     const Vec3 other = path.cross(side);
     const Vec3 raised = x + kRaised * path;
-    double least = kDeepest;
     // The way out is mostly the way the wall faces; under a ceiling and in corners it may be any.
-    for (int k = 0; k < kWays; ++k) {
-      const double turn = k * 2 * units::kPi / kWays;
-      const Vec3 way = std::cos(turn) * side + std::sin(turn) * other;
-      least = std::min(least, free_after(prepared, raised, way, path, least));
+    const double straight = free_after(prepared, raised, side, path, kDeepest);
+    double least = straight, across = straight;
+    for (int k = 1; k < kWays; ++k) {
+      const double turn = k * 2 * units::kPi / kWays, cosine = std::cos(turn);
+      const double share = cosine > 0.4 ? cosine : 1;
+      const Vec3 way = cosine * side + std::sin(turn) * other;
+      const double stop = std::max(least, across / share);
+      const double free = free_after(prepared, raised, way, path, stop);
+      if (free >= stop) continue;
+      least = std::min(least, free);
+      across = std::min(across, free * share);
     }
+    // Beside another wall that is undercut, too, only what leads across its own counts.
+    if (least < straight && flat.norm() > kSteep) least = across;
     depth[i] = least;
   });
   Undercut result;

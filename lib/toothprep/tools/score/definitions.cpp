@@ -116,12 +116,12 @@ Rows cavity_rows() {
        "Where the tooth's sides aren't known: u and v. Of a box: axial, and proximal walls.",
        kSae},
       {"convergence_deg",
-       {"buccolingual", "mesiodistal", "mean"},
+       {"buccolingual", "mesiodistal", "mean", "proximal"},
        "deg",
        "total occlusal convergence",
        "Angle between opposing walls, the sum of both walls' angles to the axis: positive when "
        "they converge toward the occlusal surface (a crown's stump), negative for a cavity that "
-       "opens.",
+       "opens. Proximal: of the side walls of a box.",
        kGoodacre},
       {"wall_height_mm", kSingle, "mm", "wall height",
        "Median height of the walls along the axis, from the floor or margin at their foot to the "
@@ -181,6 +181,17 @@ Rows box_rows() {
        kBuilt},
       {"box_width_mm", kSingle, "mm", "width of the box",
        "Distance between the proximal walls of the box at the middle of their height.", kBuilt},
+      {"box_width_floor_mm", kSingle, "mm", "width of the box at its floor",
+       "The same at the level of the gingival floor.", kBuilt},
+      {"gingival_floor_width_mm", kSingle, "mm", "width of the gingival floor",
+       "Median distance from the axial wall, extended down to the gingival floor, out to the "
+       "original proximal surface.",
+       kBuilt},
+      {"axiopulpal_radius_mm", kSingle, "mm", "radius of the axiopulpal edge",
+       "Median radius of the arc between the axial wall, extended up, and the pulpal floor, as "
+       "that "
+       "of the occlusoaxial edge of a crown.",
+       "the axiopulpal line angle is rounded or bevelled (Class II preparation texts)"},
       {"box_clearance_mm", kSingle, "mm", "clearance of the box",
        "Smallest distance from the box's outline below the pulpal floor to the neighbouring tooth; "
        "only where the tooth file has one.",
@@ -201,6 +212,47 @@ Rows crown_rows() {
       {"margin_continuity", kSingle, "1", "continuity of the margin",
        "Share of the circumference, in steps of 5 degrees, where the margin is wider than 0.2 mm.",
        kBuilt},
+      {"margin_gaps", kSingle, "count", "gaps of the margin",
+       "How often, around the walls, the finish line is missing or its margin no wider than 0.2 "
+       "mm; "
+       "gaps of less than 0.2 mm or two voxels don't count.",
+       kBuilt},
+      {"margin_gap_deg", kSingle, "deg", "angle of the margin's gaps",
+       "Angle about the middle of the walls that those gaps take in all.", kBuilt},
+      {"margin_gap_longest_mm", kSingle, "mm", "longest gap of the margin",
+       "Length around of the longest of them: its angle times the finish line's mean distance "
+       "from the middle at its ends.",
+       kBuilt},
+      {"margin_form",
+       {"shoulder", "chamfer", "bevel", "feather_edge", "irregular"},
+       "1",
+       "form of the margin",
+       "Share of the finish line, in steps of 5 degrees, by the profile of the margin in an "
+       "upright "
+       "plane across: wall, ledge and an arc between them are fitted. A chamfer where the arc "
+       "takes "
+       "more than half of the ledge; else a bevel where the ledge falls outwards by more than 30 "
+       "degrees, or a shoulder. A feather edge where the margin is no wider than 0.2 mm; irregular "
+       "where the fit misses by more than half a voxel and 0.05 mm.",
+       kBuilt},
+      {"cavosurface_angle_deg", kSingle, "deg", "cavosurface angle of the margin",
+       "Median, along the finish line, of the angle in the tooth between the ledge where it ends "
+       "and "
+       "the uncut surface: 90 degrees for a square shoulder, more for a chamfer or a bevel.",
+       kBuilt},
+      {"occlusoaxial_radius_mm", kSingle, "mm", "radius of the occlusoaxial edge",
+       "Median, around the stump, of the radius of the arc between the axial wall, extended up, "
+       "and "
+       "the occlusal surface within 1 mm of it, fitted in an upright plane.",
+       "rounded line angles: Goodacre et al. 2001"},
+      {"occlusoaxial_radius_min_mm", kSingle, "mm", "least radius of the occlusoaxial edge",
+       "The 5 % value of that radius.", kBuilt},
+      {"occlusoaxial_angle_deg", kSingle, "deg", "angle of the occlusoaxial edge",
+       "Median of the angle, in the tooth, between the axial wall and the occlusal surface beside "
+       "it.",
+       kBuilt},
+      {"occlusoaxial_sharp", kSingle, "1", "sharp share of the occlusoaxial edge",
+       "Share of the circumference with a radius below 0.15 mm.", kBuilt},
       {"finish_line_roughness_mm", kSingle, "mm", "roughness of the finish line",
        "RMS distance of the finish line from the quadratic curve fitted to what lies within 0.75 "
        "mm "
@@ -249,7 +301,9 @@ Rows surface_rows() {
        "mm, away from line angles: form is taken out, marks of the bur stay.",
        kBuilt},
       {"line_angle_radius_mm", kSingle, "mm", "radius of the line angles",
-       "Median radius of the rounding between the walls and the floor at their foot.",
+       "Median radius of the rounding between the walls and the floor at their foot; of a crown, "
+       "of "
+       "the arc between axial wall and margin.",
        "rounded line angles: Goodacre et al. 2001"},
   };
 }
@@ -367,7 +421,10 @@ const QuantityDefinition* find_definition(const std::string& key) { return find_
 std::string quantity_name(const std::string& key) {
   const auto [row, member] = find_row(key);
   if (!row) return key;
-  return member.empty() ? row->name : row->name + " (" + member + ")";
+  if (member.empty()) return row->name;
+  std::string words = member;  // "proximal_buccal", but u_plus as the notes write it
+  if (const auto at = words.find('_'); at != std::string::npos && at > 1) words[at] = ' ';
+  return row->name + " (" + words + ")";
 }
 
 std::vector<std::string> known_quantity_keys() {

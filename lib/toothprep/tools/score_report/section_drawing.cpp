@@ -208,6 +208,16 @@ std::string scale_bar(const View& view, double y) {
          short_number(y + 4, 1) + "\">" + tick_text(mm, mm) + " mm</text>\n";
 }
 
+// Which sides of the tooth lie left and right.
+std::string side_names(const Section& s, const View& view) {
+  const auto name = [](const std::string& side, const char* anchor, double x) {
+    return side.empty() ? std::string()
+                        : "<text class=\"small\" text-anchor=\"" + std::string(anchor) + "\" x=\"" +
+                              short_number(x, 1) + "\" y=\"16\">" + escaped(side) + "</text>\n";
+  };
+  return name(s.left_side, "start", 6) + name(s.right_side, "end", view.width() - 6);
+}
+
 }  // namespace
 
 std::string section_svg(const Section& s) {
@@ -259,7 +269,8 @@ std::string section_svg(const Section& s) {
     }
     if (!m.text.empty()) labels.place(a, b, m.text, m.dimension ? "label dim" : "label");
   }
-  svg += labels.svg() + "</g>\n" + scale_bar(view, view.height() + 10) + "</svg>\n";
+  svg += labels.svg() + "</g>\n" + side_names(s, view) + scale_bar(view, view.height() + 10) +
+         "</svg>\n";
   return svg;
 }
 
