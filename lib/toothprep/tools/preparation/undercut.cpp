@@ -89,7 +89,8 @@ Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, c
     const Vec3 raised = x + kRaised * path;
     // The way out is mostly the way the wall faces; under a ceiling and in corners it may be any.
     const double straight = free_after(prepared, raised, side, path, kDeepest);
-    double least = straight, across = straight;
+    // What ways within 30° and 60° lead across the wall; on a wall that isn't curved, all the same.
+    double least = straight, nearly = straight, across = straight;
     for (int k = 1; k < kWays; ++k) {
       const double turn = k * 2 * units::kPi / kWays, cosine = std::cos(turn);
       const double share = cosine > 0.4 ? cosine : 1;
@@ -99,9 +100,10 @@ Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, c
       if (free >= stop) continue;
       least = std::min(least, free);
       across = std::min(across, free * share);
+      if (cosine > 0.8) nearly = std::min(nearly, free * share);
     }
     // Beside another wall that is undercut, too, only what leads across its own counts.
-    if (least < straight && flat.norm() > kSteep) least = across;
+    if (flat.norm() > kSteep) least = least < straight ? across : nearly;
     depth[i] = least;
   });
   Undercut result;
