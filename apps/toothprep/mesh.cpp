@@ -11,14 +11,14 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/decimation/decimation.h"
 #include "toothprep/tools/io/outputs.h"
-#include "toothprep/tools/mesh/sharp_surface.h"
+#include "toothprep/tools/mesh/line_file.h"
 #include "toothprep/tools/models/model_file.h"
 
 namespace toothprep::app {
 namespace {
 
 struct Options {
-  std::string tooth, output;
+  std::string tooth, output, lines;
   std::string tissue = "all";
   std::optional<double> max_error_mm;
   bool force = false, strict = false;
@@ -28,6 +28,14 @@ const std::map<std::string, SurfaceOf> kSurfaces = {{"all", SurfaceOf::kAll},
                                                     {"enamel", SurfaceOf::kEnamel},
                                                     {"dentin", SurfaceOf::kDentin},
                                                     {"pulp", SurfaceOf::kPulp}};
+
+SharpSurface surface_of(const LayeredTooth& tooth, SurfaceOf what) {
+  if (what == SurfaceOf::kAll) return surface_by_tissue(tooth);
+  SharpSurface surface{extract_surface(tooth, what), {}, {}};
+  surface.mesh.triangle_tissue.assign(surface.mesh.triangles.size(),
+                                      static_cast<std::uint8_t>(what));
+  return surface;
+}
 
 // Returns the message for the console.
 std::string make_fewer(SharpSurface& surface, double max_error_mm) {
@@ -42,8 +50,8 @@ std::string make_fewer(SharpSurface& surface, double max_error_mm) {
   }
   surface = {std::move(result.mesh), std::move(result.lines), {}};
   std::string margin;
-  if (!surface.margin.empty())
-    margin = fmt::format(", margin {:.4f} mm", result.greatest_of_lines_mm);
+  if (result.greatest_of_lines_mm > 0)
+    margin = fmt::format(", of margins and tissue borders {:.4f} mm", result.greatest_of_lines_mm);
   return fmt::format(
       "\n  instead of {} triangles; within {:.4g} mm of them everywhere, both ways "
       "(greatest distance found {:.4f} mm{})",
@@ -55,11 +63,12 @@ void run(const Options& o, const Common& common) {
   outputs.reads({o.tooth});
   const std::string output =
       outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk", ".glb", ".3mf"});
+  if (!o.lines.empty() && o.tissue != "all")
+    throw Error("--lines are those of the whole surface; leave --tissue out");
+  const std::string lines = o.lines.empty() ? "" : outputs.file(o.lines, {".obj"});
   outputs.begin();
   const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
-  SharpSurface surface = tooth.parts && o.tissue == "all"
-                             ? extract_sharp_surface(tooth)
-                             : SharpSurface{extract_surface(tooth, kSurfaces.at(o.tissue)), {}, {}};
+  SharpSurface surface = surface_of(tooth, kSurfaces.at(o.tissue));
   TriangleMesh& mesh = surface.mesh;
   if (mesh.triangles.empty())
     throw InputError(o.tooth, o.tissue == "all" ? "grid 'solid'" : "grid '" + o.tissue + "'",
@@ -68,6 +77,7 @@ void run(const Options& o, const Common& common) {
   std::string fewer;
   if (o.max_error_mm) fewer = make_fewer(surface, *o.max_error_mm);
   is_model_name(output) ? write_model(mesh, output) : write_mesh(mesh, output);
+  if (!lines.empty()) write_lines(mesh, lines_of(surface), lines);
   outputs.publish();
   say(common,
       fmt::format("{}: {} triangles around {:.4g} mm^3{}{}", o.output, mesh.triangles.size(),
@@ -82,8 +92,9 @@ void add_mesh(CLI::App& app, const Common& common) {
   sub->add_option("tooth", o->tooth, "Tooth file (.vdb)")->required();
   sub->add_option(
          "-o,--output", o->output,
-         "Mesh to write, in mm: .ply (with the tissue of each vertex), .stl or .obj; in the "
-         "tissues' colours: .glb (glTF, in metres) or .3mf")
+         "Mesh to write, in mm: .ply and .vtk (with the tissue of each vertex and triangle), .stl, "
+         "or "
+         ".obj (a group for each tissue); in the tissues' colours: .glb (glTF, in metres) or .3mf")
       ->required();
   sub->add_option("--tissue", o->tissue, "Surface of all that remains, or of one tissue")
       ->check(CLI::IsMember({"all", "enamel", "dentin", "pulp"}))
@@ -92,12 +103,17 @@ void add_mesh(CLI::App& app, const Common& common) {
                   "Decimate: surface, margin and tissue borders stay within this distance of the "
                   "full mesh, in both directions")
       ->check(CLI::Range(kLeastMaxErrorMm, kGreatestMaxErrorMm));
+  sub->add_option(
+      "--lines", o->lines,
+      "Besides, as polylines (.obj): the margin, line angles of the cut, and the borders "
+      "of tissues");
   add_strict(*sub, o->strict, "a tooth that another program changed");
   sub->add_flag("--force", o->force, "Replace an existing output");
   sub->footer(
       "The surface is closed, oriented outward and free of self-intersections. Of a tooth that "
       "was\n"
-      "cut here the margin, where the cut meets the tooth's own surface, is a sharp edge.\n"
+      "cut here the margin, where the cut meets the tooth's own surface, is a sharp edge. Each\n"
+      "triangle lies in one tissue.\n"
       "Example: toothprep mesh prepared.vdb -o prepared.ply\n"
       "         toothprep mesh prepared.vdb -o small.glb --max-error-mm 0.02");
   sub->callback([o, &common] { run(*o, common); });

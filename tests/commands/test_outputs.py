@@ -95,6 +95,7 @@ COMMANDS = {
     "mesh obj": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.obj", False)),
     "mesh glb": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.glb", False)),
     "mesh 3mf": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.3mf", False)),
+    "mesh lines": Command(["mesh", "cut.vdb"], ["cut.vdb"], ("-o", "new.ply", False), ("--lines", "new.obj", False)),
     "mesh fewer": Command(["mesh", "block.vdb", "--max-error-mm", "0.05"], ["block.vdb"], ("-o", "new.ply", False)),
     "render png": Command(["render", "block.vdb", "--size", "160x120", "--samples", "1", "--reference", "block.stl"],
                           ["block.vdb", "block.stl"], ("-o", "new.png", False)),

@@ -298,9 +298,10 @@ def ply(path):
     vertices = int(re.search(rb"element vertex (\d+)\n", head).group(1))
     faces = int(re.search(rb"element face (\d+)\n", head).group(1))
     kinds = {b"float": "<f4", b"uchar": "u1", b"uint8": "u1", b"float32": "<f4"}
-    names = re.findall(rb"property (\w+) (\w+)\n", head)
-    point = np.dtype([(name.decode(), kinds[kind]) for kind, name in names])
-    face = np.dtype([("n", "u1"), ("v", "<i4", 3)])
+    of_points, of_faces = (np.dtype([(name.decode(), kinds[kind]) for kind, name in re.findall(
+        rb"property (\w+) (\w+)\n", part)]) for part in head.split(b"element face"))
+    point = of_points
+    face = np.dtype([("n", "u1"), ("v", "<i4", 3)] + of_faces.descr)
     require(b"format binary_little_endian 1.0\n" in head, "format")
     require(len(body) == vertices * point.itemsize + faces * face.itemsize, "size of the data")
     points = np.frombuffer(body, point, vertices)

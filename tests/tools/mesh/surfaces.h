@@ -69,11 +69,8 @@ inline LayeredTooth tooth_of(const std::function<double(const Vec3&)>& field, do
       false);
 }
 
-// What remains of that tooth under the cut; it knows both.
-inline LayeredTooth cut_tooth(const std::function<double(const Vec3&)>& tooth_field,
-                              const std::function<double(const Vec3&)>& cut_field, double half_size,
-                              double voxel) {
-  LayeredTooth tooth = tooth_of(tooth_field, half_size, voxel);
+// Cuts the tooth by a field that is negative where material is removed; it knows both.
+inline void cut_by(LayeredTooth& tooth, const std::function<double(const Vec3&)>& cut_field) {
   const auto band = static_cast<float>(tooth.band());
   LevelSet cut(tooth.solid.first_brick(), tooth.solid.brick_counts(), -band, {band});
   std::array<float, kBrickVoxels> values;
@@ -85,6 +82,14 @@ inline LayeredTooth cut_tooth(const std::function<double(const Vec3&)>& tooth_fi
     cut.set_brick(b, values.data());
   }
   apply_cut(tooth, cut);
+}
+
+// What remains of that tooth under the cut.
+inline LayeredTooth cut_tooth(const std::function<double(const Vec3&)>& tooth_field,
+                              const std::function<double(const Vec3&)>& cut_field, double half_size,
+                              double voxel) {
+  LayeredTooth tooth = tooth_of(tooth_field, half_size, voxel);
+  cut_by(tooth, cut_field);
   return tooth;
 }
 

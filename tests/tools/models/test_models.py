@@ -23,12 +23,13 @@ GL_FLOAT, GL_UNSIGNED_INT, GL_ARRAY_BUFFER, GL_ELEMENT_ARRAY_BUFFER, GL_TRIANGLE
 
 
 def ply(content):
-    """Vertices, tissue of each, triangles."""
+    """Vertices, triangles, tissue of each triangle."""
     header, body = content.split(b"end_header\n", 1)
     counts = [int(line.split()[2]) for line in header.decode().splitlines() if line.startswith("element")]
     vertices = np.frombuffer(body, dtype=[("at", "<f4", 3), ("tissue", "u1"), ("colour", "u1", 3)], count=counts[0])
-    faces = np.frombuffer(body, dtype=[("size", "u1"), ("corner", "<u4", 3)], count=counts[1], offset=vertices.nbytes)
-    return vertices["at"], vertices["tissue"], faces["corner"]
+    faces = np.frombuffer(body, dtype=[("size", "u1"), ("corner", "<u4", 3), ("tissue", "u1")], count=counts[1],
+                          offset=vertices.nbytes)
+    return vertices["at"], faces["corner"], faces["tissue"]
 
 
 def chunks(glb):
@@ -79,13 +80,11 @@ class Models(CommandTest):
                    "direct", "--params", "free.toml", "--prepared", "cut.vdb", "-o", "trace.h5")
         for extension in ("ply", "glb", "3mf"):
             cls.run_ok("mesh", "cut.vdb", "-o", "cut." + extension)
-        cls.vertices, cls.labels, cls.triangles = ply(cls.read("cut.ply"))
+        cls.vertices, cls.triangles, cls.labels = ply(cls.read("cut.ply"))
 
     def by_tissue(self):
-        """The PLY's triangles by the tissue that most corners have."""
-        a, b, c = (self.labels[self.triangles[:, k]] for k in range(3))
-        of = np.where(b == c, b, a)
-        return {TISSUES[label]: self.triangles[of == label] for label in np.unique(of)}
+        """The PLY's triangles by their tissue."""
+        return {TISSUES[label]: self.triangles[self.labels == label] for label in np.unique(self.labels)}
 
     def array(self, gltf, numbers, index):
         """An accessor's values, as the standard lays them out."""
@@ -197,10 +196,53 @@ class Models(CommandTest):
         with zipfile.ZipFile(io.BytesIO(self.read("cut.3mf"))) as package:
             self.assertEqual({entry.date_time for entry in package.infolist()}, {(1980, 1, 1, 0, 0, 0)})
 
+    def test_obj_and_vtk_hold_the_triangles_of_each_tissue(self):
+        for extension in ("obj", "vtk"):
+            self.run_ok("mesh", "cut.vdb", "-o", "cut." + extension, "--force")
+        found, name = {}, None
+        for line in self.read("cut.obj").decode().splitlines():
+            words = line.split()
+            if words[0] == "g":
+                name = words[1]
+            elif words[0] == "f":
+                found.setdefault(name, []).append([int(word) - 1 for word in words[1:]])
+        expected = self.by_tissue()
+        self.assertEqual(list(found), list(expected))
+        for tissue, triangles in expected.items():
+            np.testing.assert_array_equal(found[tissue], triangles)
+        data = self.read("cut.vtk").split(b"CELL_DATA %d\n" % len(self.triangles), 1)[1]
+        data = data.split(b"LOOKUP_TABLE default\n", 1)[1]
+        np.testing.assert_array_equal(np.frombuffer(data, "u1", len(self.triangles)), self.labels)
+
+    def test_lines_are_the_margin_the_line_angles_and_the_borders_of_tissues(self):
+        self.run_ok("mesh", "cut.vdb", "-o", "with.ply", "--lines", "lines.obj")
+        self.assertEqual(self.read("with.ply"), self.read("cut.ply"))
+        points, lines, name = [], {}, None
+        for line in self.read("lines.obj").decode().splitlines():
+            words = line.split()
+            if words[0] == "v":
+                points.append([np.float32(word) for word in words[1:]])
+            elif words[0] == "g":
+                name = words[1]
+            elif words[0] == "l":
+                lines.setdefault(name, []).append([int(word) - 1 for word in words[1:]])
+        self.assertEqual(list(lines), ["margin", "line_angles", "enamel_dentin", "dentin_pulp"])
+        of_mesh = {tuple(at) for at in self.vertices.tolist()}
+        self.assertTrue({tuple(np.array(at).tolist()) for at in points} <= of_mesh)
+        for closed in ("margin", "enamel_dentin", "dentin_pulp"):
+            for line in lines[closed]:
+                self.assertEqual(line[0], line[-1], closed)
+        # One bur's width around a straight hole.
+        margin = np.array(points)[lines["margin"][0]]
+        self.assertAlmostEqual(np.hypot(margin[:, 0] - 6.2, margin[:, 1] - 5.4).mean(), 0.8, delta=0.05)
+        refused = self.run_tool("mesh", "cut.vdb", "-o", "no.ply", "--lines", "no.obj", "--tissue", "enamel")
+        self.assertEqual(refused.returncode, 1)
+        self.assertIn("--tissue", refused.stderr)
+
     def test_one_tissue_is_one_closed_mesh(self):
         self.run_ok("mesh", "cut.vdb", "--tissue", "enamel", "-o", "enamel.ply")
         self.run_ok("mesh", "cut.vdb", "--tissue", "enamel", "-o", "ENAMEL.GLB")
-        vertices, _, triangles = ply(self.read("enamel.ply"))
+        vertices, triangles, _ = ply(self.read("enamel.ply"))
         gltf, numbers = chunks(self.read("ENAMEL.GLB"))
         self.assertEqual(gltf["accessors"][0]["count"], len(vertices))
         together = np.concatenate([self.array(gltf, numbers, mesh["primitives"][0]["indices"])[0].reshape(-1, 3)

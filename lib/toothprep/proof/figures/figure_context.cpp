@@ -10,7 +10,7 @@
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/csv_writer.h"
-#include "toothprep/tools/mesh/sharp_surface.h"
+#include "toothprep/tools/mesh/tissue_division.h"
 
 namespace toothprep::figures {
 
@@ -91,7 +91,7 @@ std::string FigureContext::write_exact(const Experiment& experiment, const std::
 std::string FigureContext::write_surface(const Experiment& experiment, const std::string& name,
                                          const LayeredTooth& tooth) const {
   std::string file = place(experiment, name + ".ply");
-  write_mesh(sharpest_surface(tooth), options_.output + "/" + file);
+  write_mesh(surface_by_tissue(tooth).mesh, options_.output + "/" + file);
   return file;
 }
 

@@ -8,6 +8,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/decimation/edge_collapses.h"
 #include "toothprep/tools/decimation/surface_distance.h"
+#include "toothprep/tools/mesh/tissue_division.h"
 #include "toothprep/tools/mesh/triangle_tree.h"
 
 namespace toothprep {
@@ -87,10 +88,40 @@ Judgement judge(const Collapsed& result, Given& given, double max_error_mm, bool
   return j;
 }
 
+using Lines = std::vector<std::array<std::uint32_t, 2>>;
+
+std::array<std::uint32_t, 2> ascending(const std::array<std::uint32_t, 2>& edge) {
+  return {std::min(edge[0], edge[1]), std::max(edge[0], edge[1])};
+}
+
+Lines border_edges(const TriangleMesh& mesh) {
+  Lines edges;
+  for (const TissueBorder& border : tissue_borders(mesh))
+    edges.insert(edges.end(), border.edges.begin(), border.edges.end());
+  std::sort(edges.begin(), edges.end());
+  return edges;
+}
+
+// The lines, and besides the borders of the triangles' tissues.
+Lines with_borders(const TriangleMesh& mesh, const Lines& lines) {
+  Lines all = border_edges(mesh);
+  for (const auto& edge : lines) all.push_back(ascending(edge));
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+Lines without_borders(const TriangleMesh& mesh, Lines lines) {
+  const Lines borders = border_edges(mesh);
+  std::erase_if(lines, [&](const auto& edge) {
+    return std::binary_search(borders.begin(), borders.end(), ascending(edge));
+  });
+  return lines;
+}
+
 }  // namespace
 
-Decimation decimate(const TriangleMesh& mesh,
-                    const std::vector<std::array<std::uint32_t, 2>>& lines, double max_error_mm) {
+Decimation decimate(const TriangleMesh& mesh, const Lines& lines, double max_error_mm) {
   if (!(max_error_mm >= kLeastMaxErrorMm && max_error_mm <= kGreatestMaxErrorMm))
     throw Error("the greatest error of a decimated mesh is not within its limits");
   Decimation decimation;
@@ -98,13 +129,14 @@ Decimation decimate(const TriangleMesh& mesh,
   decimation.lines = lines;
   if (has_edge_without_length(mesh)) return decimation;
   Given given{mesh, TriangleTree(mesh)};
+  const Lines kept_lines = with_borders(mesh, lines);
   std::vector<double> tolerance(mesh.vertices.size(), kShare * max_error_mm);
   for (int round = 0; round < kRounds; ++round) {
-    Collapsed result = collapse_edges(mesh, lines, given.tree, tolerance, max_error_mm);
+    Collapsed result = collapse_edges(mesh, kept_lines, given.tree, tolerance, max_error_mm);
     const Judgement judgement = judge(result, given, max_error_mm, round > 0);
     if (judgement.good) {
       decimation.mesh = std::move(result.mesh);
-      decimation.lines = std::move(result.lines);
+      decimation.lines = without_borders(decimation.mesh, std::move(result.lines));
       decimation.decimated = true;
       decimation.greatest_mm = judgement.greatest_mm;
       decimation.greatest_of_lines_mm = result.greatest_of_lines_mm;

@@ -8,8 +8,8 @@
 //   - no triangle turns by more than 60 degrees or becomes a sliver;
 //   - a feature line (the margin) keeps some of its own vertices, and each of its new edges lies
 //     within E of all the vertices that it replaces, so both lines are within E of one another;
-//   - triangles whose vertices are of different tissues stay as they are, so borders of tissues
-//     do not move at all.
+//   - so do the borders of tissues of a mesh that is divided by them (`triangle_tissue`); of another
+//     one the triangles whose vertices are of different tissues stay as they are.
 // These do not guarantee the bound. It is therefore verified afterwards in both directions, over the
 // whole surfaces (surface_distance.h) and with the vertices in single precision as written; so is
 // the absence of self-intersections. Where verification fails the tolerance is reduced locally and
@@ -29,12 +29,14 @@ constexpr double kLeastMaxErrorMm = 0.001, kGreatestMaxErrorMm = 1;
 
 struct Decimation {
   TriangleMesh mesh;  // closed and 2-manifold as the given one is, with as many parts
-  std::vector<std::array<std::uint32_t, 2>> lines;  // edges of the mesh: the feature lines
+  // Edges of the mesh: the given feature lines, without those that are borders of tissues
+  // (tissue_borders()).
+  std::vector<std::array<std::uint32_t, 2>> lines;
   bool decimated = false;  // false: nothing met the bound, `mesh` is the given one
   // Greatest distance found from either surface to the other (at the vertices of both, and at points
   // between them); nowhere is it above `max_error_mm`.
   double greatest_mm = 0;
-  double greatest_of_lines_mm = 0;  // of the feature lines, exact
+  double greatest_of_lines_mm = 0;  // of the feature lines and borders of tissues, exact
 };
 
 // mesh: closed and 2-manifold; lines: edges of it that are sharp features. Both surfaces are within

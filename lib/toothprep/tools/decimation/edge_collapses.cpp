@@ -81,7 +81,8 @@ class Pass {
         refused_(mesh_.num_edges(), 0),
         failed_of_(mesh_.num_edges(), UINT32_MAX) {
     for (const auto& t : given.triangles)
-      if (given.tissue[t[0]] != given.tissue[t[1]] || given.tissue[t[1]] != given.tissue[t[2]])
+      if (given.triangle_tissue.empty() &&
+          (given.tissue[t[0]] != given.tissue[t[1]] || given.tissue[t[1]] != given.tissue[t[2]]))
         for (const std::uint32_t v : t) fixed_[v] = 1;
     for (std::uint32_t v = 0; v < fixed_.size(); ++v) {
       if (tolerance[v] <= 0) fixed_[v] = 1;
@@ -262,6 +263,8 @@ Collapsed Pass::result() const {
     result.mesh.triangles.push_back(
         {number[mesh_.source(h)], number[mesh_.target(h)], number[mesh_.target(mesh_.next(h))]});
     result.given.push_back(given_of_[f]);
+    if (!given_.triangle_tissue.empty())
+      result.mesh.triangle_tissue.push_back(given_.triangle_tissue[f]);
   }
   for (const auto& [a, b] : lines_.edges()) result.lines.push_back({number[a], number[b]});
   result.greatest_of_lines_mm = lines_.greatest_deviation();

@@ -59,7 +59,7 @@ std::uint8_t label_of(const TriangleMesh& mesh, std::size_t v) {
 
 Bytes ply_of(const TriangleMesh& mesh, const VertexAttributes& attributes) {
   const std::size_t per_vertex = 16 + 4 * attributes.scalars.size();
-  Bytes out(1024 + mesh.vertices.size() * per_vertex + mesh.triangles.size() * 13);
+  Bytes out(1024 + mesh.vertices.size() * per_vertex + mesh.triangles.size() * 14);
   out.text(
       "ply\nformat binary_little_endian 1.0\n"
       "comment toothprep surface; lengths in mm; tissue: 1 enamel, 2 dentin, 3 pulp, 4 other\n"
@@ -68,8 +68,10 @@ Bytes ply_of(const TriangleMesh& mesh, const VertexAttributes& attributes) {
       "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar tissue\n"
       "property uchar red\nproperty uchar green\nproperty uchar blue\n");
   for (const auto& scalar : attributes.scalars) out.text("property float " + scalar.name + "\n");
+  const bool by_tissue = !mesh.triangle_tissue.empty();
   out.text("element face " + std::to_string(mesh.triangles.size()) +
-           "\nproperty list uchar int vertex_indices\nend_header\n");
+           "\nproperty list uchar int vertex_indices\n" +
+           (by_tissue ? "property uchar tissue\n" : "") + "end_header\n");
   for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
     const std::uint8_t label = label_of(mesh, v);
     out.put(mesh.vertices[v].data(), 12);
@@ -78,9 +80,10 @@ Bytes ply_of(const TriangleMesh& mesh, const VertexAttributes& attributes) {
                                        : attributes.colours[v]);
     for (const auto& scalar : attributes.scalars) out.put(scalar.values[v]);
   }
-  for (const auto& t : mesh.triangles) {
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     out.put(std::uint8_t{3});
-    out.put(t);
+    out.put(mesh.triangles[t]);
+    if (by_tissue) out.put(mesh.triangle_tissue[t]);
   }
   return out;
 }
@@ -90,7 +93,7 @@ Bytes vtk_of(const TriangleMesh& mesh, const VertexAttributes& attributes) {
   const std::string points = std::to_string(mesh.vertices.size()),
                     faces = std::to_string(mesh.triangles.size());
   Bytes out(1024 + mesh.vertices.size() * (13 + 4 * attributes.scalars.size()) +
-            mesh.triangles.size() * 16);
+            mesh.triangles.size() * 17);
   out.text("# vtk DataFile Version 3.0\ntoothprep surface, mm\nBINARY\nDATASET POLYDATA\nPOINTS " +
            points + " float\n");
   for (const auto& v : mesh.vertices)
@@ -108,6 +111,10 @@ Bytes vtk_of(const TriangleMesh& mesh, const VertexAttributes& attributes) {
   }
   out.text("SCALARS tissue unsigned_char 1\nLOOKUP_TABLE default\n");
   for (std::size_t v = 0; v < mesh.vertices.size(); ++v) out.put(label_of(mesh, v));
+  out.text("\n");
+  if (mesh.triangle_tissue.empty()) return out;
+  out.text("CELL_DATA " + faces + "\nSCALARS tissue unsigned_char 1\nLOOKUP_TABLE default\n");
+  out.put(mesh.triangle_tissue.data(), mesh.triangle_tissue.size());
   out.text("\n");
   return out;
 }
@@ -141,13 +148,26 @@ Bytes obj_of(const TriangleMesh& mesh) {
     }
     out.text("\n");
   }
-  for (const auto& t : mesh.triangles) {
+  const auto face = [&](const std::array<std::uint32_t, 3>& t) {
     out.text("f");
     for (const std::uint32_t v : t) {
       out.text(" ");
       out.number(v + 1);
     }
     out.text("\n");
+  };
+  if (mesh.triangle_tissue.empty()) {
+    for (const auto& t : mesh.triangles) face(t);
+    return out;
+  }
+  for (int label = 1; label <= kTissueCount; ++label) {  // a group for each tissue that occurs
+    bool first = true;
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      if (mesh.triangle_tissue[t] != label) continue;
+      if (first) out.text("g " + std::string(kTissueNames[label - 1]) + "\n");
+      first = false;
+      face(mesh.triangles[t]);
+    }
   }
   return out;
 }
@@ -168,6 +188,8 @@ void write_mesh(const TriangleMesh& mesh, const std::string& path,
   for (const auto& scalar : attributes.scalars)
     if (scalar.values.size() != mesh.vertices.size())
       throw Error(path + ": '" + scalar.name + "' does not have one value per vertex");
+  if (!mesh.triangle_tissue.empty() && mesh.triangle_tissue.size() != mesh.triangles.size())
+    throw Error(path + ": the tissues are not one per triangle");
   if (!attributes.colours.empty() && attributes.colours.size() != mesh.vertices.size())
     throw Error(path + ": the colours are not one per vertex");
   const Bytes out = extension == ".ply"   ? ply_of(mesh, attributes)

@@ -14,6 +14,9 @@ struct TriangleMesh {                                   // indexed; no vertex oc
   std::vector<Eigen::Vector3f> vertices;                // mm
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
   std::vector<std::uint8_t> tissue;                     // per vertex, a Tissue label
+  // Per triangle, a Tissue label, where the triangles are divided by tissue (surface_by_tissue());
+  // else empty.
+  std::vector<std::uint8_t> triangle_tissue = {};
 };
 
 enum class SurfaceOf { kAll, kEnamel, kDentin, kPulp };  // the solid, or one tissue
@@ -34,7 +37,8 @@ struct VertexAttributes {
 };
 
 // By extension: .ply (binary little endian, vertex property `tissue`), .stl (binary), .obj, .vtk
-// (legacy binary polydata with the point data `tissue`, for ParaView). Throws Error for another
+// (legacy binary polydata with the point data `tissue`, for ParaView). Tissues of triangles are the
+// face property `tissue` of a .ply, the cell data `tissue` of a .vtk, and groups of an .obj. Throws Error for another
 // extension, an empty mesh, or attributes that are not one per vertex. Writes `path` itself.
 void write_mesh(const TriangleMesh& mesh, const std::string& path,
                 const VertexAttributes& attributes = {});

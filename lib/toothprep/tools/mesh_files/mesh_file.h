@@ -17,12 +17,13 @@ struct MeshFile {                      // as the file has it, unchecked
   std::vector<std::size_t> ends;       // per face, where its corners end
   // Scalar properties of a PLY's points that were asked for and are there; one value per point.
   std::map<std::string, std::vector<float>> values;
+  std::map<std::string, std::vector<float>> face_values;  // the same of its faces
 };
 
 // Whether the name is that of a mesh: .stl, .ply, .obj, .off, each also gzipped (.stl.gz).
 [[nodiscard]] bool is_mesh_file(const std::string& path);
 
-// By extension: .stl (text or binary), .ply, .obj, .off, each also gzipped; `wanted` names properties of a PLY's points
+// By extension: .stl (text or binary), .ply, .obj, .off, each also gzipped; `wanted` names properties of a PLY's points and faces
 // (`tissue`, `quality`). Throws InputError for what is no regular file, is unreadable, truncated,
 // empty or of another kind, has more than 20 million faces, or would take more memory than there is.
 // Whether a face's corners exist and coordinates are finite is left to the caller.

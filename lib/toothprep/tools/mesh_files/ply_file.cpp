@@ -190,8 +190,9 @@ Uses uses_of(const std::string& path, const PlyElement& element,
   if (uses.is_face && uses.corners == n)
     throw InputError(path, element.name, "has no list of vertex_indices");
   for (const std::string& name : wanted)
-    if (const std::size_t at = find_property(element, name, false); uses.is_point && at < n)
-      uses.values.emplace_back(at, &mesh.values[name]);
+    if (const std::size_t at = find_property(element, name, false);
+        at < n && (uses.is_point || uses.is_face))
+      uses.values.emplace_back(at, &(uses.is_point ? mesh.values : mesh.face_values)[name]);
   return uses;
 }
 

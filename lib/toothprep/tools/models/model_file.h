@@ -11,7 +11,8 @@ namespace toothprep {
 // Whether the name ends in .glb or .3mf, in any case: whether it is for write_model().
 [[nodiscard]] bool is_model_name(const std::string& path);
 
-// By extension; each triangle belongs to the tissue of most of its vertices, of three to the first.
+// By extension; a triangle without a tissue of its own belongs to that of most of its vertices, of
+// three to the first.
 // All tissues share one list of vertices, the mesh's.
 //   .glb  glTF 2.0, binary. The mesh's coordinates (mm, W) as they stand; the node above them scales
 //         to glTF's metres and turns W (LPS) so that superior is +y and anterior +z, as glTF wants

@@ -77,11 +77,11 @@ std::string model_of(const TriangleMesh& mesh) {
     xml += "/>\n";
   }
   xml += "</vertices>\n<triangles>\n";
-  for (const auto& t : mesh.triangles) {
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     xml += "<triangle";
-    add_attribute(xml, "v1", t[0]);
-    add_attribute(xml, "v2", t[1]);
-    add_attribute(xml, "v3", t[2]);
+    add_attribute(xml, "v1", mesh.triangles[t][0]);
+    add_attribute(xml, "v2", mesh.triangles[t][1]);
+    add_attribute(xml, "v3", mesh.triangles[t][2]);
     xml += " pid=\"1\"";
     add_attribute(xml, "p1", material[static_cast<std::size_t>(tissue_of(mesh, t))]);
     xml += "/>\n";

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string_view>
 #include <vector>
@@ -11,10 +12,9 @@
 
 namespace toothprep {
 
-// Of the three labels the one that most vertices have; the first if all differ. Air where the mesh
-// has no tissues.
-[[nodiscard]] Tissue tissue_of(const TriangleMesh& mesh,
-                               const std::array<std::uint32_t, 3>& triangle);
+// The triangle's own; of a mesh whose triangles have none, of the three labels the one that most
+// vertices have, the first if all differ. Air where the mesh has no tissues.
+[[nodiscard]] Tissue tissue_of(const TriangleMesh& mesh, std::size_t triangle);
 
 struct TissueTriangles {
   Tissue tissue = Tissue::kAir;

@@ -1,16 +1,15 @@
 #include "toothprep/tools/render/part.h"
 
-#include <cmath>
-
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/tooth/level_at.h"
-#include "toothprep/tools/mesh/sharp_surface.h"
+#include "toothprep/tools/mesh/tissue_division.h"
+#include "toothprep/tools/mesh/tissue_levels.h"
 
 namespace toothprep {
 
 RenderPart part_of(const LayeredTooth& tooth) {
   RenderPart part;
-  part.mesh = sharpest_surface(tooth);
+  part.mesh = surface_by_tissue(tooth).mesh;
   if (part.mesh.triangles.empty()) throw Error("nothing remains of the tooth");
   part.tooth = &tooth;
   return part;
@@ -45,20 +44,7 @@ bool inside(const LayeredTooth& tooth, const Vec3& x) {
 }
 
 Tissue tissue_in(const LayeredTooth& tooth, const Vec3& x) {
-  int best = -1;
-  double least = tooth.lattice.voxel / 2;
-  for (int k = 0; k < 3; ++k) {
-    const double phi = level_at(tooth.remains[k], tooth.lattice, x);
-    if (phi >= least) continue;
-    least = phi;
-    best = k;
-  }
-  if (best >= 0) return tissue_at(best);
-  const Vec3 at = tooth.lattice.to_index(x);
-  const auto label = tooth.tissue.value(static_cast<int>(std::lround(at.x())),
-                                        static_cast<int>(std::lround(at.y())),
-                                        static_cast<int>(std::lround(at.z())));
-  return label == 0 ? Tissue::kOther : static_cast<Tissue>(label);
+  return tissue_near(tooth, tooth.lattice.to_index(x));
 }
 
 }  // namespace toothprep

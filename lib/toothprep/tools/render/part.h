@@ -25,7 +25,7 @@ struct RenderPart {   // one surface of a scene
   bool ghost = false;
 };
 
-// The part of a tooth: its sharpest_surface(). Throws Error if nothing remains of it.
+// The part of a tooth: its surface_by_tissue(). Throws Error if nothing remains of it.
 [[nodiscard]] RenderPart part_of(const LayeredTooth& tooth);
 
 // A smooth part of a tooth's surface: of one that was cut here (ToothParts) its own or the cut's.
@@ -41,7 +41,7 @@ enum class Side { kSolid, kIntact, kCut };
 // Whether a place is inside of what remains. A margin is as sharp as sharpest_surface() has it.
 [[nodiscard]] bool inside(const LayeredTooth& tooth, const Vec3& x);
 
-// The tissue at a place inside the tooth: that which reaches furthest beyond it.
+// The tissue at a place inside of what remains or on its surface.
 [[nodiscard]] Tissue tissue_in(const LayeredTooth& tooth, const Vec3& x);
 
 }  // namespace toothprep

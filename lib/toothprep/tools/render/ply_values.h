@@ -15,4 +15,10 @@ namespace toothprep {
 std::optional<std::vector<float>> vertex_property(const std::string& path, const TriangleMesh& mesh,
                                                   const std::string& name);
 
+// The scalar property `name` of the faces of a .ply, for triangles that were made of its faces
+// (Shell::face, counted from 1). Nothing as above.
+std::optional<std::vector<float>> triangle_property(const std::string& path,
+                                                    const std::vector<std::uint32_t>& face_of,
+                                                    const std::string& name);
+
 }  // namespace toothprep

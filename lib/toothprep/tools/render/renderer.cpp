@@ -104,6 +104,11 @@ struct Renderer::Part {
     if (!part.mesh.tissue.empty() && part.mesh.tissue.size() != vertices)
       throw Error("the mesh has " + std::to_string(vertices) + " vertices, but " +
                   std::to_string(part.mesh.tissue.size()) + " tissues");
+    if (!part.mesh.triangle_tissue.empty() &&
+        part.mesh.triangle_tissue.size() != part.mesh.triangles.size())
+      throw Error("the mesh has " + std::to_string(part.mesh.triangles.size()) +
+                  " triangles, but " + std::to_string(part.mesh.triangle_tissue.size()) +
+                  " tissues of triangles");
     if (!part.deviation.empty() && part.deviation.size() != vertices)
       throw Error("the mesh has " + std::to_string(vertices) + " vertices, but " +
                   std::to_string(part.deviation.size()) + " deviations");
@@ -125,9 +130,12 @@ struct Renderer::Part {
     const auto& corner = part.mesh.triangles[at.triangle];
     int nearest = 0;
     at.weights.maxCoeff(&nearest);
-    if (part.tooth)  // a little below the surface, where the tissues differ for certain
-      seen.tissue =
-          tissue_in(*part.tooth, at.point - 0.25 * part.tooth->lattice.voxel * seen.normal);
+    const bool by_triangle = !part.mesh.triangle_tissue.empty();
+    if (by_triangle)
+      seen.tissue = static_cast<Tissue>(
+          std::min<std::uint8_t>(part.mesh.triangle_tissue[at.triangle], kTissueCount));
+    else if (part.tooth)
+      seen.tissue = tissue_in(*part.tooth, at.point);
     else if (!part.mesh.tissue.empty())
       seen.tissue = static_cast<Tissue>(
           std::min<std::uint8_t>(part.mesh.tissue[corner[nearest]], kTissueCount));
@@ -149,7 +157,7 @@ struct Renderer::Part {
         break;
     }
     seen.colour = tissue_colour(seen.tissue);
-    if (part.tooth || part.mesh.tissue.empty()) return;
+    if (by_triangle || part.tooth || part.mesh.tissue.empty()) return;
     seen.colour = Colour::Zero();
     for (int k = 0; k < 3; ++k)
       seen.colour += static_cast<float>(at.weights[k]) *
