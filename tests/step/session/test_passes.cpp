@@ -195,13 +195,14 @@ TEST(OverlappingPasses, ForceVectorsAreThoseOfTheExactIntegralOverTheEngagedSurf
     const reference::Scene scene =
         reference::make_scene(bur, {Vec3(kLength, 3, 4), p.enamel}, parameters);
     std::vector<Vec3> tips;
+    for (const double z : p.z) tips.emplace_back(0, -p.depth, z);
+    const std::vector<reference::Load> loads =
+        reference::loads_in_swept(scene, bur, upright_leant(p.across, p.along), tips,
+                                  std::vector<double>(tips.size(), p.speed));
     const std::vector<std::vector<Vec3>> forces = forces_in_the_middle(p, 0.1);
     double full = 0;
     for (std::size_t i = 0; i < p.z.size(); ++i) {
-      tips.emplace_back(0, -p.depth, p.z[i]);
-      const Vec3 exact =
-          reference::load_in_swept(scene, bur, upright_leant(p.across, p.along), tips, p.speed)
-              .force;
+      const Vec3 exact = loads[i].force;
       full = std::max(full, exact.norm());
       double square = 0;
       for (const Vec3& f : forces[i]) square += (f - exact).squaredNorm();

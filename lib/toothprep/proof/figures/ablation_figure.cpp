@@ -385,11 +385,14 @@ FigureReport ablation_figure(const Experiment& experiment, FigureContext& contex
       if (v.path[i].pose.position != v.path[i - 1].pose.position) v.stop = i;
     variants.push_back(std::move(v));
   }
+  std::vector<ExactTask> tasks;
+  for (const Ablated& v : variants) tasks.push_back({v.run, v.parameters, v.path});
+  std::vector<Exact> exact = exact_answers(tasks, o.bur_library);
+  for (std::size_t i = 0; i < variants.size(); ++i) variants[i].exact = std::move(exact[i]);
   std::vector<FigureContext::Job> jobs;
   for (Ablated& v : variants)
     jobs.push_back({experiment.name,
                     [&] {
-                      v.exact = exact_answer(v.run, v.parameters, v.path, o.bur_library);
                       run_on_path(v, experiment, o);
                       judge_path(v);
                       run_on_device(v, experiment, o);

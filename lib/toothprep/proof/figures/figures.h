@@ -24,8 +24,8 @@ struct FigureOptions {
   std::function<void(int, int, const std::string&)> progress;
 };
 
-// Runs the experiments one after the other, their replays in parallel; the results don't depend on
-// the number of threads. Writes traces (.h5), exact answers (.csv), meshes (.ply), figures.json and
+// Runs the experiments and their replays in parallel; the results don't depend on the number of
+// threads. Writes traces (.h5), exact answers (.csv), meshes (.ply), figures.json and
 // figures.md. Throws Error as reading the experiments and replaying do.
 std::vector<FigureReport> run_figures(const FigureOptions& options);
 

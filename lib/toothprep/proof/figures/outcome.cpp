@@ -1,5 +1,7 @@
 #include "toothprep/proof/figures/outcome.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -131,6 +133,33 @@ Exact exact_answer(const Run& run, const Parameters& parameters,
   }
   exact.stall = solved.stall;
   return exact;
+}
+
+std::vector<Exact> exact_answers(const std::vector<ExactTask>& tasks,
+                                 const std::string& bur_library) {
+  const auto same = [](const ExactTask& a, const ExactTask& b) {
+    const auto text = [](Parameters p) {
+      p.engine = EngineKind::kLevelset;
+      p.trailing_elements = false;
+      p.element_size = 0;
+      return to_toml(p);
+    };
+    return a.run.bur == b.run.bur && a.run.drive == b.run.drive &&
+           a.run.trajectory == b.run.trajectory && a.run.block.size == b.run.block.size &&
+           a.run.block.enamel == b.run.block.enamel && a.path.size() == b.path.size() &&
+           text(a.parameters) == text(b.parameters);
+  };
+  std::vector<std::size_t> first(tasks.size());
+  for (std::size_t i = 0; i < tasks.size(); ++i)
+    while (first[i] < i && !same(tasks[first[i]], tasks[i])) ++first[i];
+  std::vector<Exact> answers(tasks.size());
+  tbb::parallel_for(std::size_t{0}, tasks.size(), [&](std::size_t i) {
+    const ExactTask& t = tasks[i];
+    if (first[i] == i) answers[i] = exact_answer(t.run, t.parameters, t.path, bur_library);
+  });
+  for (std::size_t i = 0; i < tasks.size(); ++i)
+    if (first[i] != i) answers[i] = answers[first[i]];
+  return answers;
 }
 
 std::vector<Stretch> fully_engaged(const Exact& exact) {

@@ -45,6 +45,16 @@ Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
 Exact exact_answer(const Run& run, const Parameters& parameters,
                    const std::vector<HandleSample>& path, const std::string& bur_library);
 
+struct ExactTask {
+  const Run& run;
+  const Parameters& parameters;
+  const std::vector<HandleSample>& path;
+};
+// The exact answer of each, in parallel; found once for those that differ only in what it doesn't
+// depend on: the engine and the size of its elements.
+std::vector<Exact> exact_answers(const std::vector<ExactTask>& tasks,
+                                 const std::string& bur_library);
+
 // Rows [first, last] over which the bur is fully in one tissue, with all of the contact that it
 // ever has; a plateau is where the force is level too.
 struct Stretch {

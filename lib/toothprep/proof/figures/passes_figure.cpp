@@ -53,54 +53,70 @@ void check(const Experiment& experiment, const Run& run, const Bur& bur,
       throw Error(experiment.name + ": its path must not turn the bur");
 }
 
-void claim_passes(FigureReport& figure, const Experiment& experiment, const Run& run,
-                  const Outcome& outcome, double voxel, int fineness, const std::string& library) {
-  const Parameters& p = outcome.parameters;
-  const Bur bur = make_bur(run.bur, library);
-  const std::vector<HandleSample> path = path_of(run, p);
-  const std::vector<Pass> passes = passes_of(path);
-  check(experiment, run, bur, path, passes);
-  const Quat orientation = path.front().pose.orientation;
+// What of a run doesn't depend on voxels and elements.
+struct ExactPasses {
+  std::vector<HandleSample> path;
+  std::vector<Pass> passes;
+  std::vector<double> energy;  // mJ, of what each newly sweeps
+  std::vector<Vec3> force;     // N, in the block's middle
+};
+
+ExactPasses exact_passes(const Experiment& experiment, const Run& run, const FigureOptions& o) {
+  const Parameters p = parameters_of(run, o.base);
+  const Bur bur = make_bur(run.bur, o.bur_library);
+  ExactPasses exact;
+  exact.path = path_of(run, p);
+  exact.passes = passes_of(exact.path);
+  check(experiment, run, bur, exact.path, exact.passes);
+  const Quat orientation = exact.path.front().pose.orientation;
   const reference::Block block{run.block.size, run.block.enamel};
-  const reference::Scene scene = reference::make_scene(bur, block, p);
   std::vector<Vec3> tips;
-  for (const Pass& pass : passes) tips.push_back(path[pass.first].pose.position);
-  const auto sections = reference::newly_swept_sections(bur, orientation, tips, block);
+  std::vector<double> speeds;
+  for (const Pass& pass : exact.passes) {
+    tips.push_back(exact.path[pass.first].pose.position);
+    const std::size_t middle = (pass.first + pass.last) / 2;
+    speeds.push_back(
+        (exact.path[middle].pose.position.x() - exact.path[middle - 1].pose.position.x()) /
+        p.time_step);
+  }
+  for (const PerTissue<double>& section :
+       reference::newly_swept_sections(bur, orientation, tips, block))
+    exact.energy.push_back(block.size.x() * (p.tissue[0].specific_energy * section[0] +
+                                             p.tissue[1].specific_energy * section[1]));
+  for (const reference::Load& load : reference::loads_in_swept(reference::make_scene(bur, block, p),
+                                                               bur, orientation, tips, speeds))
+    exact.force.push_back(load.force);
+  return exact;
+}
+
+void claim_passes(FigureReport& figure, const Run& run, const ExactPasses& exact,
+                  const Outcome& outcome, double voxel, int fineness) {
+  const Parameters& p = outcome.parameters;
   const std::vector<StepRecord>& rows = outcome.replay.rows;
-  const auto energy_of = [&](std::size_t k) {
-    return block.size.x() * (p.tissue[0].specific_energy * sections[k][0] +
-                             p.tissue[1].specific_energy * sections[k][1]);
-  };
   double first_force = 0;
-  for (std::size_t k = 0; k < passes.size(); ++k) {
+  for (std::size_t k = 0; k < exact.passes.size(); ++k) {
     const std::string what = run.title + ", pass " + std::to_string(k + 1) + ", voxels of " +
                              std::to_string(voxel).substr(0, 5) + " mm";
     double work = 0, square = 0;
     std::size_t level = 0;
-    const std::size_t middle = (passes[k].first + passes[k].last) / 2;
-    const double speed =
-        (path[middle].pose.position.x() - path[middle - 1].pose.position.x()) / p.time_step;
-    const Vec3 exact = reference::load_in_swept(
-                           scene, bur, orientation,
-                           {tips.begin(), tips.begin() + static_cast<std::ptrdiff_t>(k) + 1}, speed)
-                           .force;
-    for (std::size_t i = passes[k].first + 1; i <= passes[k].last; ++i) {
+    const Vec3& force = exact.force[k];
+    for (std::size_t i = exact.passes[k].first + 1; i <= exact.passes[k].last; ++i) {
       work += rows[i].power * p.time_step;
-      if (std::abs(path[i].pose.position.x()) > block.size.x() / 8) continue;
-      square += (rows[i].grinding_force - exact).squaredNorm();
+      if (std::abs(exact.path[i].pose.position.x()) > run.block.size.x() / 8) continue;
+      square += (rows[i].grinding_force - force).squaredNorm();
       ++level;
     }
-    const double energy = energy_of(k);
-    first_force = std::max(first_force, exact.norm());
+    const double energy = exact.energy[k];
+    first_force = std::max(first_force, force.norm());
     figure.claims.push_back(near(
         what, name_of(p.engine), "work of the torque", "mJ", "exact: u times what it newly sweeps",
-        energy, work, std::max(kOfPass[fineness], kOfFirst[fineness] * energy_of(0) / energy)));
+        energy, work, std::max(kOfPass[fineness], kOfFirst[fineness] * exact.energy[0] / energy)));
     const double rms = std::sqrt(square / static_cast<double>(std::max<std::size_t>(level, 1)));
     figure.claims.push_back(
         bound(what, name_of(p.engine), "RMS error of the force in the middle", "%",
               "exact integral over the engaged surface",
-              std::max(kForceOfPass, kForceOfFirst * first_force / exact.norm()),
-              100 * rms / exact.norm()));
+              std::max(kForceOfPass, kForceOfFirst * first_force / force.norm()),
+              100 * rms / force.norm()));
   }
 }
 
@@ -109,6 +125,9 @@ void claim_passes(FigureReport& figure, const Experiment& experiment, const Run&
 FigureReport passes_figure(const Experiment& experiment, FigureContext& context) {
   const FigureOptions& o = context.options();
   FigureReport figure;
+  std::vector<ExactPasses> exact;
+  exact.reserve(experiment.runs.size());
+  for (const Run& run : experiment.runs) exact.push_back(exact_passes(experiment, run, o));
   std::vector<Outcome> outcomes(2 * experiment.runs.size());
   std::vector<FigureContext::Job> jobs;
   for (std::size_t i = 0; i < outcomes.size(); ++i)
@@ -129,8 +148,7 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
     RunReport report = report_of(run, outcomes[i], voxel, nullptr);
     report.run = run.name + (i % 2 ? "-fine" : "");
     report.trace = context.write_trace(experiment, report.run, run, outcomes[i]);
-    claim_passes(figure, experiment, run, outcomes[i], voxel, static_cast<int>(i % 2),
-                 o.bur_library);
+    claim_passes(figure, run, exact[i / 2], outcomes[i], voxel, static_cast<int>(i % 2));
     if (i % 2 == 0) {
       Plot plot;
       plot.file = experiment.name + "/" + run.name;

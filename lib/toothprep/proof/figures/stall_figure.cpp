@@ -105,23 +105,27 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
   FigureReport figure;
   struct Variant {
     const Run* run;
-    EngineKind engine;
-    Outcome outcome;
+    Parameters parameters;
     std::vector<HandleSample> path;
+    Outcome outcome;
     Exact exact;
   };
   std::vector<Variant> variants;
   for (const Run& run : experiment.runs)
-    for (const EngineKind engine : o.engines) variants.push_back({&run, engine, {}, {}, {}});
+    for (const EngineKind engine : o.engines) {
+      Parameters p = parameters_of(run, o.base);
+      p.engine = engine;
+      variants.push_back({&run, p, path_of(run, p), {}, {}});
+    }
+  std::vector<ExactTask> tasks;
+  for (const Variant& v : variants) tasks.push_back({*v.run, v.parameters, v.path});
+  std::vector<Exact> exact = exact_answers(tasks, o.bur_library);
+  for (std::size_t i = 0; i < variants.size(); ++i) variants[i].exact = std::move(exact[i]);
   std::vector<FigureContext::Job> jobs;
   for (Variant& v : variants)
     jobs.push_back({experiment.name, [&] {
-                      Parameters p = parameters_of(*v.run, o.base);
-                      p.engine = v.engine;
-                      v.path = path_of(*v.run, p);
-                      v.exact = exact_answer(*v.run, p, v.path, o.bur_library);
-                      v.outcome = run_on(*v.run, p, make_specimen(experiment, *v.run, o.voxel),
-                                         o.bur_library);
+                      v.outcome = run_on(*v.run, v.parameters,
+                                         make_specimen(experiment, *v.run, o.voxel), o.bur_library);
                       // The exact answer doesn't start again.
                       const StallRows s = first_stall(v.outcome.replay.rows);
                       if (!s.restarts) return;
@@ -139,19 +143,19 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
     std::string exact_file;
     for (const Variant& v : variants) {
       if (v.run != &run) continue;
-      const std::string name = run.name + "-" + name_of(v.engine);
+      const bool levelset = v.parameters.engine == EngineKind::kLevelset;
+      const std::string name = run.name + "-" + name_of(v.parameters.engine);
       RunReport report = report_of(run, v.outcome, o.voxel, &v.exact);
       report.trace = context.write_trace(experiment, name, run, v.outcome);
       if (exact_file.empty())
         exact_file = context.write_exact(experiment, run.name + "-exact", v.path, v.exact);
       report.exact = exact_file;
-      curves.insert(curves.begin(),
-                    {v.engine == EngineKind::kLevelset ? "level sets" : "voxels", report.trace, "",
-                     v.engine == EngineKind::kLevelset ? "run" : "second"});
+      curves.insert(curves.begin(), {levelset ? "level sets" : "voxels", report.trace, "",
+                                     levelset ? "run" : "second"});
       plot.stalled = plot.stalled.empty() ? report.trace : plot.stalled;
       figure.runs.push_back(report);
       claim_stall(figure, run, make_bur(run.bur, o.bur_library), v.outcome, v.exact);
-      if (run.name == experiment.runs.front().name && v.engine == o.engines.front()) {
+      if (run.name == experiment.runs.front().name && v.parameters.engine == o.engines.front()) {
         const std::string mesh = context.write_surface(experiment, name, v.outcome.prepared);
         figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png", mesh));
       }

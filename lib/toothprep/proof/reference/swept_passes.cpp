@@ -1,5 +1,7 @@
 #include "toothprep/proof/reference/swept_passes.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -14,6 +16,7 @@ constexpr int kFewLines = 1500;   // where a place is looked up: linear in betwe
 constexpr int kGoldenSteps = 40;  // to 4e-9 of the range
 constexpr int kBisections = 34;   // to 6e-11 of it
 constexpr double kGolden = 0.6180339887498949;
+constexpr double kSure = 1e-6;  // mm: a distance beyond it has a sure sign, in spite of the above
 
 struct Interval {
   double low = 1, high = 0;
@@ -37,12 +40,33 @@ double least_of(const F& f, double low, double high) {
   return (low + high) / 2;
 }
 
-// Where f changes its sign between `inside` (f < 0) and `outside`.
+// Whether f(least_of(f, low, high)) is below 0. The search ends where f, which is convex and no
+// steeper than 1, leaves no doubt.
 template <class F>
-double sign_change(const F& f, double inside, double outside) {
+bool gets_below_zero(const F& f, double low, double high) {
+  double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+  double fa = f(a), fb = f(b);
+  for (int i = 0; i < kGoldenSteps; ++i) {
+    const double less = std::min(fa, fb);
+    if (less < -kSure) return true;
+    if (less - (a - low) > kSure) return false;
+    if (fa < fb) {
+      high = b, b = a, fb = fa;
+      a = high - kGolden * (high - low), fa = f(a);
+    } else {
+      low = a, a = b, fa = fb;
+      b = low + kGolden * (high - low), fb = f(b);
+    }
+  }
+  return f((low + high) / 2) < 0;
+}
+
+// The place between `inside` and `outside` where that changes.
+template <class Within>
+double border(const Within& within, double inside, double outside) {
   for (int i = 0; i < kBisections; ++i) {
     const double middle = (inside + outside) / 2;
-    (f(middle) < 0 ? inside : outside) = middle;
+    (within(middle) ? inside : outside) = middle;
   }
   return (inside + outside) / 2;
 }
@@ -52,23 +76,22 @@ double sign_change(const F& f, double inside, double outside) {
 class Outline {
  public:
   Outline(const Bur& bur, const Quat& orientation, int lines)
-      : reach_(std::hypot(bur.head_length(), bur.max_radius()) * 1.01), count_(lines) {
-    const Mat3 to_bur = orientation.toRotationMatrix().transpose();
-    lines_.resize(static_cast<std::size_t>(count_) + 1);
-    for (int i = 0; i <= count_; ++i) {
-      const double z = reach_ * (2.0 * i / count_ - 1);
-      const auto depth = [&](double y) {
-        const auto distance = [&](double x) {
-          const Vec3 p = to_bur * Vec3(x, y, z);
-          return bur.distance(std::hypot(p.x(), p.y()), p.z());
-        };
-        return distance(least_of(distance, -reach_, reach_));
+      : bur_(bur),
+        to_bur_(orientation.toRotationMatrix().transpose()),
+        reach_(std::hypot(bur.head_length(), bur.max_radius()) * 1.01),
+        count_(lines),
+        lines_(static_cast<std::size_t>(lines) + 1) {
+    const int first = first_met(0, 1);
+    const int last = first > count_ ? -1 : first_met(count_, -1);
+    tbb::parallel_for(first, last + 1, [&](int i) {
+      const double z = place(i), middle = deepest(z);
+      if (!(depth(middle, z) < 0)) return;
+      const auto within = [&](double y) {
+        return gets_below_zero([&](double x) { return distance(x, y, z); }, -reach_, reach_);
       };
-      const double middle = least_of(depth, -reach_, reach_);
-      if (depth(middle) < 0)
-        lines_[static_cast<std::size_t>(i)] = {sign_change(depth, middle, -reach_),
-                                               sign_change(depth, middle, reach_)};
-    }
+      lines_[static_cast<std::size_t>(i)] = {border(within, middle, -reach_),
+                                             border(within, middle, reach_)};
+    });
   }
 
   double reach() const { return reach_; }
@@ -83,6 +106,32 @@ class Outline {
   }
 
  private:
+  double place(int line) const { return reach_ * (2.0 * line / count_ - 1); }
+  double distance(double x, double y, double z) const {
+    const Vec3 p = to_bur_ * Vec3(x, y, z);
+    return bur_.distance(std::hypot(p.x(), p.y()), p.z());
+  }
+  double depth(double y, double z) const {  // negative where the line along x meets the head
+    const auto along = [&](double x) { return distance(x, y, z); };
+    return along(least_of(along, -reach_, reach_));
+  }
+  double deepest(double z) const {
+    return least_of([&](double y) { return depth(y, z); }, -reach_, reach_);
+  }
+
+  // The first line from `line` on, in steps of +1 or -1, that may meet the head. As far as one is
+  // away from it, those beside it can't.
+  int first_met(int line, int step) const {
+    while (line >= 0 && line <= count_) {
+      const double z = place(line), away = depth(deepest(z), z);
+      if (away < 0) break;
+      line += step * std::max(1, static_cast<int>((away - kSure) / (2 * reach_ / count_)));
+    }
+    return line;
+  }
+
+  const Bur& bur_;
+  Mat3 to_bur_;
   double reach_;
   int count_;
   std::vector<Interval> lines_;
@@ -135,39 +184,46 @@ std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& 
   return area;
 }
 
-Load load_in_swept(const Scene& scene, const Bur& bur, const Quat& orientation,
-                   const std::vector<Vec3>& tips, double speed, double size) {
+std::vector<Load> loads_in_swept(const Scene& scene, const Bur& bur, const Quat& orientation,
+                                 const std::vector<Vec3>& tips, const std::vector<double>& speeds,
+                                 double size) {
   const Outline outline(bur, orientation, kFewLines);
   const SurfaceElements e = bur.elements(size, scene.clockwise);
   const Mat3 to_block = orientation.toRotationMatrix();
   const Vec3 half = scene.block.size / 2;
-  Load load;
-  for (std::size_t i = 0; i < e.size(); ++i) {
-    const Vec3 n = to_block * Vec3(e.nx[i], e.ny[i], e.nz[i]);
-    const double advance = speed * n.x();
-    const Vec3 arm = to_block * Vec3(e.x[i], e.y[i], e.z[i]), at = tips.back() + arm;
-    if (!(advance > 0) || at.y() > 0 || at.y() < -scene.block.size.y() ||
-        std::abs(at.z()) > half.z())
-      continue;
-    bool swept = false;
-    for (std::size_t pass = 0; !swept && pass + 1 < tips.size(); ++pass) {
-      const Interval earlier = outline.at(at.z() - tips[pass].z());
-      const double height = at.y() - tips[pass].y();
-      swept = !earlier.empty() && height > earlier.low && height < earlier.high;
+  const auto load_in = [&](std::size_t last) {
+    Load load;
+    for (std::size_t i = 0; i < e.size(); ++i) {
+      const Vec3 n = to_block * Vec3(e.nx[i], e.ny[i], e.nz[i]);
+      const double advance = speeds[last] * n.x();
+      const Vec3 arm = to_block * Vec3(e.x[i], e.y[i], e.z[i]), at = tips[last] + arm;
+      if (!(advance > 0) || at.y() > 0 || at.y() < -scene.block.size.y() ||
+          std::abs(at.z()) > half.z())
+        continue;
+      bool swept = false;
+      for (std::size_t pass = 0; !swept && pass < last; ++pass) {
+        const Interval earlier = outline.at(at.z() - tips[pass].z());
+        const double height = at.y() - tips[pass].y();
+        swept = !earlier.empty() && height > earlier.low && height < earlier.high;
+      }
+      if (swept) continue;
+      const bool enamel = at.y() >= -scene.block.enamel;
+      const GrindingProperties& tissue = enamel ? scene.enamel : scene.dentin;
+      const double power = tissue.specific_energy / (2 * units::kPi * scene.rotation_rate) *
+                           advance * static_cast<double>(e.weight[i]);
+      const Vec3 t = to_block * Vec3(e.tx[i], e.ty[i], 0);
+      load.force += power * (t - n / tissue.force_ratio);
+      load.torque += power * static_cast<double>(e.radius[i]);
+      const int k = tissue_index(enamel ? Tissue::kEnamel : Tissue::kDentin);
+      load.area[k] += static_cast<double>(e.area[i]);
+      load.volume_rate[k] += advance * static_cast<double>(e.area[i]);
     }
-    if (swept) continue;
-    const bool enamel = at.y() >= -scene.block.enamel;
-    const GrindingProperties& tissue = enamel ? scene.enamel : scene.dentin;
-    const double power = tissue.specific_energy / (2 * units::kPi * scene.rotation_rate) * advance *
-                         static_cast<double>(e.weight[i]);
-    const Vec3 t = to_block * Vec3(e.tx[i], e.ty[i], 0);
-    load.force += power * (t - n / tissue.force_ratio);
-    load.torque += power * static_cast<double>(e.radius[i]);
-    const int k = tissue_index(enamel ? Tissue::kEnamel : Tissue::kDentin);
-    load.area[k] += static_cast<double>(e.area[i]);
-    load.volume_rate[k] += advance * static_cast<double>(e.area[i]);
-  }
-  return load;
+    return load;
+  };
+  std::vector<Load> loads(tips.size());
+  tbb::parallel_for(std::size_t{0}, loads.size(),
+                    [&](std::size_t pass) { loads[pass] = load_in(pass); });
+  return loads;
 }
 
 }  // namespace toothprep::reference

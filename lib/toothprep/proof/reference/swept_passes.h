@@ -28,11 +28,13 @@ std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& 
                                                     const std::vector<Vec3>& tips,
                                                     const Block& block);
 
-// The load on the bur in the last of `tips`, fed along +x, right in the block's middle: the force law
-// over that part of its surface that advances, lies in the block and outside of all that the passes
-// before it swept. The integral is the sum over elements of `size` mm, each counted by its middle:
-// error about size / radius of the chip's border, 0.1 % of a chip of 0.2 mm with the default.
-Load load_in_swept(const Scene& scene, const Bur& bur, const Quat& orientation,
-                   const std::vector<Vec3>& tips, double speed, double size = 0.005);
+// For each pass the load on the bur at its tip, fed along x at `speeds[i]` (mm/s, either sign), right
+// in the block's middle: the force law over that part of its surface that advances, lies in the block
+// and outside of all that the passes before it swept. The integral is the sum over elements of `size`
+// mm, each counted by its middle: error about size / radius of the chip's border, 0.1 % of a chip of
+// 0.2 mm with the default.
+std::vector<Load> loads_in_swept(const Scene& scene, const Bur& bur, const Quat& orientation,
+                                 const std::vector<Vec3>& tips, const std::vector<double>& speeds,
+                                 double size = 0.005);
 
 }  // namespace toothprep::reference
