@@ -68,6 +68,14 @@ void describe_tooth(const std::string& path, Json& info, Warnings& warnings) {
   info["solid_volume_mm3"] = solid;
   info["bounds_mm"] = bounds(box.min, box.max);
   info["memory_bytes"] = memory_bytes(tooth);
+  if (tooth.bodies) {
+    const std::vector<double> volumes = body_volumes_mm3(tooth);
+    for (std::size_t b = 0; b < volumes.size(); ++b) {
+      const Body& body = tooth.bodies->list[b];
+      info["bodies"][body.name] = {{"kind", kBodyKindNames[static_cast<std::size_t>(body.kind)]},
+                                   {"volume_mm3", volumes[b]}};
+    }
+  }
   info["tooth_sha256"] = tooth_sha256(tooth);
   const ToothFrame frame = recorded_frame(tooth.provenance);
   info["frame"] = frame_text(frame);

@@ -16,6 +16,7 @@
 #include <thread>
 #include <utility>
 
+#include "body_figures.h"
 #include "command.h"
 #include "numeric_options.h"
 #include "opened_page.h"
@@ -27,6 +28,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/engine.h"
+#include "toothprep/step/session/body_warnings.h"
 #include "toothprep/step/session/split_step.h"
 #include "toothprep/tools/device/openhaptics_device.h"
 #include "toothprep/tools/device/simulated_device.h"
@@ -245,7 +247,8 @@ LiveWatch watch_for(const Options& o, const Common& common, Signals& signals, Ta
 }
 
 nlohmann::ordered_json report_json(const RecordedRun& run, const Options& o,
-                                   const HapticDevice& device, const LiveOutcome* session) {
+                                   const HapticDevice& device, const LiveOutcome* session,
+                                   const std::vector<Body>& bodies) {
   const TickStatistics& t = run.ticks;
   nlohmann::ordered_json j;
   j["schema"] = "toothprep-live";
@@ -269,7 +272,10 @@ nlohmann::ordered_json report_json(const RecordedRun& run, const Options& o,
   j["faults"] = run.end.device.faults;
   j["end_reason"] = run.end.reason;
   j["fault"] = run.end.fault;
-  if (session && session->totals) put_judgement(j, session->audit, session->findings);
+  if (session && session->totals) {
+    put_bodies(j, bodies, *session->totals);
+    put_judgement(j, session->audit, session->findings);
+  }
   return j;
 }
 
@@ -297,12 +303,13 @@ RecordTarget record_target(const Options& o) {
 
 // Prints the run's figures; throws Error if it ended by a fault or its recording isn't whole.
 void report(const Options& o, const Common& common, const HapticDevice& device,
-            const RecordedRun& run, const LiveOutcome* session) {
+            const RecordedRun& run, const LiveOutcome* session,
+            const std::vector<Body>& bodies = {}) {
   report_ticks(common, run.ticks);
   if (run.dropped > 0) warn(fmt::format("{} ticks could not be recorded", run.dropped));
   if (run.rows > 0)
     say(common, fmt::format("{}: {} rows; ended by: {}", o.output, run.rows, run.end.reason));
-  if (o.json) std::cout << json_text(report_json(run, o, device, session));
+  if (o.json) std::cout << json_text(report_json(run, o, device, session, bodies));
   const double missed = run.ticks.missed_share();
   const std::string missing = fmt::format(
       "{:.1f} % of the servo's ticks were missed: the machine is too busy, or the servo "
@@ -322,14 +329,17 @@ void report(const Options& o, const Common& common, const HapticDevice& device,
   if (missed > kManyMissed) warn(missing);
 }
 
-void report_session(const Common& common, const LiveOutcome& outcome) {
+void report_session(const Common& common, const LiveOutcome& outcome,
+                    const std::vector<Body>& bodies) {
   if (outcome.totals) {
     const SessionTotals& t = *outcome.totals;
     say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} "
                             "mm^3; peak force {:.2f} N; stalled in {} steps",
                             t.removed[0], t.removed[1], t.removed[2], t.removed[3],
                             t.peak_device_force, t.stalled_steps));
+    for (const std::string& line : body_lines(bodies, t)) say(common, line);
     say(common, audit_text(outcome.audit));
+    for (const std::string& text : body_warnings(t, bodies)) warn(text);
   }
   if (outcome.display) {
     const DisplayStats& d = *outcome.display;
@@ -451,8 +461,9 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
     }
   }
   signals.release();  // whatever can be lost is written
-  report_session(common, outcome);
-  report(o, common, *device, outcome.run, &outcome);
+  const std::vector<Body> bodies = tooth.bodies ? tooth.bodies->list : std::vector<Body>();
+  report_session(common, outcome, bodies);
+  report(o, common, *device, outcome.run, &outcome, bodies);
   warn_or_refuse(o.output, outcome.findings, o.strict);
   if (!failure.empty()) throw Error(failure);
 }

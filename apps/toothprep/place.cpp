@@ -38,7 +38,8 @@ void run(const Options& o, const Common& common) {
   PathFrame frame = PathFrame::kFile;
   Trajectory path = read_trajectory(o.trajectory, frame);
   if (path.rows_every > 1) warn_or_refuse({sparse_text(o.trajectory, path.rows_every)}, o.strict);
-  const LayeredTooth tooth = load_tooth(o.tooth, o.strict);
+  const LayeredTooth whole = load_tooth(o.tooth, o.strict);
+  const LayeredTooth tooth = with_others_as_other(whole);
   PlacedPath result = place_path(without_rejected(path), frame, o.trajectory, o.placing, tooth);
   const ToothFrame own = frame_of(tooth, o.placing);
   if (!own.occlusal.known())
@@ -64,7 +65,7 @@ void run(const Options& o, const Common& common) {
                               {"toothprep_version", kVersion},
                               {"build", build_text()},
                               {"trajectory", o.trajectory},
-                              {"tooth_sha256", tooth_sha256(tooth)},
+                              {"tooth_sha256", tooth_sha256(whole)},
                               {"bur", o.bur},
                               {"how", result.how}};
   put_frame(j, "tooth_", own);

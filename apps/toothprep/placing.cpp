@@ -128,7 +128,7 @@ PlacedPath place_path(Trajectory path, PathFrame frame, const std::string& file,
     result.how = "in the tooth's own frame";
     return result;
   }
-  const LayeredTooth its_own = load_tooth(o.from, false);
+  const LayeredTooth its_own = with_others_as_other(load_tooth(o.from, false));
   const ToothFrame there = frame_of(its_own);
   const Pose from = naming(o.from, [&] { return own_frame(there); });
   result.path = placed(std::move(path), to * inverse(from));

@@ -105,7 +105,8 @@ void run(const Options& o, const Common& common) {
   outputs.begin();
   const Parameters parameters = load_parameters(o.session);
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
-  const LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
+  const LayeredTooth whole = load_tooth(o.session.tooth, o.strict);
+  const LayeredTooth tooth = with_others_as_other(whole);
   const ToothFrame frame = frame_of(tooth);
   const Pose pose = planning_frame(o, frame, tooth);
   const ToothGrid grid(tooth, pose, kCell);
@@ -133,7 +134,7 @@ void run(const Options& o, const Common& common) {
                               {"toothprep_version", kVersion},
                               {"build", build_text()},
                               {"type", o.type},
-                              {"tooth_sha256", tooth_sha256(tooth)},
+                              {"tooth_sha256", tooth_sha256(whole)},
                               {"bur", o.session.bur},
                               {"duration_s", duration(plan)},
                               {"facts", plan.facts}};

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "body_figures.h"
 #include "command.h"
 #include "placing.h"
 #include "session_options.h"
@@ -23,6 +24,7 @@
 #include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/grinding/engine.h"
+#include "toothprep/step/session/body_warnings.h"
 #include "toothprep/step/session/run_warnings.h"
 #include "toothprep/tools/files/framed_trajectory_file.h"
 #include "toothprep/tools/files/tooth_file.h"
@@ -95,6 +97,7 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
     j["removed_mm3"][std::string(kTissueNames[k])] = r.totals.removed[k];
     overlap += r.totals.initial_overlap[k];
   }
+  put_bodies(j, trace.bodies, r.totals);
   j["initial_overlap_mm3"] = overlap;
   j["torque_work_mj"] = r.totals.torque_work;
   j["removed_energy_mj"] = r.removed_energy;
@@ -118,7 +121,8 @@ struct Progress {
 
 Trajectory put_on_tooth(Trajectory path, PathFrame frame, const LayeredTooth& tooth,
                         const Options& o, const Common& common) {
-  PlacedPath result = place_path(std::move(path), frame, o.trajectory, o.placing, tooth);
+  PlacedPath result =
+      place_path(std::move(path), frame, o.trajectory, o.placing, with_others_as_other(tooth));
   warn_or_refuse(result.notes, o.strict);
   say(common, o.trajectory + ": placed " + result.how);
   return std::move(result.path);
@@ -137,6 +141,7 @@ void say_figures(const ReplayResult& r, const Trace& trace, const Common& common
           r.step_us_p50, r.step_us_p99));
   say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
                           t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
+  for (const std::string& line : body_lines(trace.bodies, t)) say(common, line);
   const std::optional<double> touching = peak_force_in_contact(trace.rows);
   std::string where;
   if (!touching)
@@ -223,6 +228,7 @@ void run(const Options& o, const Common& common) {
   trace.bur = o.session.bur;
   trace.drive = o.session.drive;
   trace.engine = name_of(parameters.engine);
+  if (tooth.bodies) trace.bodies = tooth.bodies->list;
 
   const Interventions interventions = interventions_of(trajectory.events, bur, o.trajectory);
   trace.events = trajectory.events;
@@ -239,7 +245,9 @@ void run(const Options& o, const Common& common) {
   warn_or_refuse(o.trajectory, findings, o.strict);
 
   // Before the tooth is what is left of it.
-  const std::vector<std::string> outcome = outcome_warnings(r.rows, bur, tooth);
+  std::vector<std::string> outcome = outcome_warnings(r.rows, bur, tooth);
+  for (std::string& text : body_warnings(r.totals, trace.bodies))
+    outcome.push_back(std::move(text));
   warn_or_refuse(outcome, o.strict);
 
   trace.rows = std::move(r.rows);

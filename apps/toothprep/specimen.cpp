@@ -7,8 +7,8 @@
 #include <memory>
 
 #include "command.h"
+#include "toothprep/proof/specimen/arch.h"
 #include "toothprep/proof/specimen/block.h"
-#include "toothprep/proof/specimen/molar.h"
 #include "toothprep/proof/specimen/synthetic_scan.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/tooth_file.h"
@@ -25,7 +25,7 @@ struct ToothOptions {
   bool force = false;
   std::vector<double> size = {8};
   BlockOptions block;
-  MolarOptions molar;
+  ArchOptions molar;
 };
 
 struct ScanOptions {
@@ -74,7 +74,7 @@ void run_block(const ToothOptions& o, const Common& common) {
 }
 
 void run_molar(const ToothOptions& o, const Common& common) {
-  write([&] { return make_molar(o.molar); }, o, common);
+  write([&] { return make_arch(o.molar); }, o, common);
 }
 
 // A DICOM series goes into a folder; what has the extension of an image file is one, and another
@@ -140,17 +140,30 @@ void add_block(CLI::App& specimen, const Common& common) {
 void add_molar(CLI::App& specimen, const Common& common) {
   auto* sub = specimen.add_subcommand("molar", "An anatomical lower first molar");
   const auto o = std::make_shared<ToothOptions>();
+  o->molar.neighbours = 0;
   add_output(sub, o->output, o->force, "Tooth file to write (.vdb)");
-  sub->add_option("--voxel-mm", o->molar.voxel, "Voxel size, 0.02 to 0.5 mm")
+  sub->add_option("--voxel-mm", o->molar.tooth.voxel, "Voxel size, 0.02 to 0.5 mm")
       ->capture_default_str();
-  sub->add_flag("--premolar", o->molar.premolar, "A premolar: two cusps, one root, 8.4 x 7 mm");
-  sub->add_option("--worn-mm", o->molar.worn, "So much worn off the highest cusp, flat; 0 to 4");
-  sub->add_flag("--rootless", o->molar.rootless, "A crown alone, cut off below the neck");
-  sub->add_option("--tilt-deg", o->molar.tilt_deg, "Leans so far towards mesial and buccal");
+  sub->add_flag("--premolar", o->molar.tooth.premolar,
+                "A premolar: two cusps, one root, 8.4 x 7 mm");
+  sub->add_option("--worn-mm", o->molar.tooth.worn,
+                  "So much worn off the highest cusp, flat; 0 to 4");
+  sub->add_flag("--rootless", o->molar.tooth.rootless, "A crown alone, cut off below the neck");
+  sub->add_option("--tilt-deg", o->molar.tooth.tilt_deg, "Leans so far towards mesial and buccal");
+  sub->add_option(
+         "--neighbours", o->molar.neighbours,
+         "So many teeth beside it, as bodies of their own: 1 is 37 (distal), 2 also 35, 13 "
+         "make a whole lower arch")
+      ->default_str("0");
+  sub->add_option("--gap-mm", o->molar.gap, "Between two teeth where they are nearest, 0.02 to 2")
+      ->capture_default_str();
+  sub->add_flag("--gum", o->molar.gum,
+                "A ridge of 'other' about the roots: the gum's stand-in, a body of its own");
   sub->footer(
       "It stands as in a scanner: crown up (+z), buccal +x, mesial -y, all coordinates positive\n"
       "unless it is tilted.\n"
-      "Example: toothprep specimen molar -o molar.vdb --voxel-mm 0.1");
+      "Examples: toothprep specimen molar -o molar.vdb --voxel-mm 0.1\n"
+      "          toothprep specimen molar -o arch.vdb --neighbours 2 --gum");
   sub->callback([o, &common] { run_molar(*o, common); });
 }
 

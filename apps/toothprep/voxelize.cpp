@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 
+#include "body_options.h"
 #include "command.h"
 #include "mesh_unit.h"
 #include "progress_line.h"
@@ -32,6 +33,7 @@ struct Options {
   std::vector<double> thresholds;
   std::string spacing_mm;
   std::vector<std::string> labels;  // tissue=value
+  std::vector<std::string> bodies;  // name=values
   std::vector<std::string> meshes;  // tissue=file, or a file with enamel_mm
   double enamel_mm = 0;             // 0: not given
   std::string series, report, tooth, hounsfield, length_unit;
@@ -106,30 +108,11 @@ void print_presets() {
             << '\n';
 }
 
-std::vector<std::pair<Tissue, std::string>> parse_meshes(const std::vector<std::string>& texts) {
-  std::vector<std::pair<Tissue, std::string>> meshes;
-  for (const std::string& text : texts) {
-    const auto equals = text.find('=');
-    const auto tissue = tissue_named(text.substr(0, equals));
-    if (equals == std::string::npos || !tissue || equals + 1 == text.size())
-      throw CLI::ValidationError(
-          "--mesh",
-          "'" + text +
-              "' is not TISSUE=FILE (enamel, dentin, pulp or other); a scan without layers "
-              "takes --enamel-mm T, too: a model of its enamel");
-    for (const auto& [known, file] : meshes)
-      if (known == *tissue)
-        throw CLI::ValidationError("--mesh", text.substr(0, equals) + " is given twice");
-    meshes.emplace_back(*tissue, text.substr(equals + 1));
-  }
-  return meshes;
-}
-
 // The file with the tooth's frame, lines on stderr, JSON on stdout.
 void finish(LayeredTooth& tooth, const Options& options, const Common& common, Outputs& outputs,
             const std::string& output, std::chrono::steady_clock::time_point start,
             const std::vector<std::string>& notes, const VoxelizeReport* grey_scan = nullptr) {
-  const ToothFrame frame = estimate_frame(tooth);
+  const ToothFrame frame = estimate_frame(with_others_as_other(tooth));
   record_frame(frame, tooth.provenance);
   write_tooth(tooth, output);
   outputs.publish();
@@ -162,12 +145,12 @@ void run_meshes(const Options& options, const Common& common) {
   if (bare && (options.meshes.size() != 1 || !is_mesh_file(options.meshes[0]) ||
                tissue_named(options.meshes[0].substr(0, options.meshes[0].find('=')))))
     throw CLI::ValidationError("--enamel-mm", "takes a single --mesh FILE without a tissue");
-  const auto meshes =
-      bare ? std::vector<std::pair<Tissue, std::string>>{{Tissue::kOther, options.meshes[0]}}
-           : parse_meshes(options.meshes);
+  const BodyMeshes meshes = bare ? BodyMeshes{{}, {{{Tissue::kOther, options.meshes[0]}}}}
+                                 : parse_body_meshes(options.meshes);
   const ShellReading reading = reading_of(options);
   Outputs outputs(options.force);
-  for (const auto& [tissue, file] : meshes) outputs.reads({file});
+  for (const auto& files : meshes.parts)
+    for (const auto& [tissue, file] : files) outputs.reads({file});
   const std::string output = outputs.file(options.output, {".vdb"});
   outputs.begin();
   ProgressLine progress(common);
@@ -177,8 +160,10 @@ void run_meshes(const Options& options, const Common& common) {
   how.announce = [&](const std::string& work) { say(common, work); };
   std::vector<std::string> notes;
   LayeredTooth tooth =
-      bare ? voxelize_bare_shell(meshes[0].second, options.enamel_mm, reading, how, notes)
-           : voxelize_shell_files(meshes, reading, how, notes);
+      bare ? voxelize_bare_shell(options.meshes[0], options.enamel_mm, reading, how, notes)
+      : meshes.list.size() > 1
+          ? voxelize_shell_bodies(meshes.list, meshes.parts, reading, how, notes)
+          : voxelize_shell_files(meshes.parts[0], reading, how, notes);
   for (const auto& note : notes) warn(note);
   finish(tooth, options, common, outputs, output, start, notes);
 }
@@ -187,6 +172,7 @@ ScanJob job_of(const Options& options) {
   ScanJob job;
   job.path = options.scan;
   job.tissues = parse_labels(options.labels);
+  job.bodies = parse_body_labels(options.bodies, job.tissues);
   if (!options.spacing_mm.empty()) job.reading.spacing_mm = parse_spacing(options.spacing_mm);
   job.reading.series = options.series;
   job.reading.allow_irregular = options.allow_irregular;
@@ -310,6 +296,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->allow_extra_args(false)
       ->excludes("--thresholds")
       ->excludes("--hounsfield");
+  add_body_option(*sub, options->bodies);
   sub->add_flag("--smooth-labels,!--no-smooth-labels", options->smooth_labels,
                 "Surfaces of a segmentation without the steps of its voxels, each voxel's centre "
                 "staying in its tissue (the default); --no-smooth-labels keeps the steps")
@@ -317,7 +304,8 @@ void add_voxelize(CLI::App& app, const Common& common) {
   sub->add_option("--mesh", options->meshes,
                   "In place of a scan, surfaces (.stl .ply .obj .off, .gz of these), one per "
                   "option: enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the "
-                  "inner tissue wins. Small faults are mended and open sides closed, with warnings")
+                  "inner tissue wins. NAME[:KIND]/enamel=FILE and so on are of another body (a "
+                  "neighbour, gum). Small faults are mended and open sides closed, with warnings")
       ->allow_extra_args(false)
       ->excludes("--labels")
       ->excludes("--thresholds")
@@ -363,6 +351,8 @@ void add_voxelize(CLI::App& app, const Common& common) {
       "  toothprep voxelize dicom-folder -o tooth.vdb --voxel-mm 0.05 --thresholds 900,1900\n"
       "  toothprep voxelize jaw-ct -o tooth.vdb --hounsfield young-permanent --tooth 12.5,-40,31\n"
       "  toothprep voxelize segmentation.nii.gz -o tooth.vdb --labels enamel=2,dentin=3,other=1\n"
+      "  toothprep voxelize jaw.nrrd -o tooth.vdb --labels enamel=2,dentin=3,enamel=5,dentin=6 "
+      "--body 37=5,6\n"
       "  toothprep voxelize --mesh enamel=crown.stl --mesh dentin=dentin.stl -o tooth.vdb\n"
       "  toothprep voxelize --mesh arch.ply.gz --tooth 12,-4,3 --enamel-mm 1.5 -o tooth.vdb");
   sub->callback([options, &common] { run(*options, common); });

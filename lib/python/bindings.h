@@ -63,6 +63,8 @@ py::dict arrays_of(const TriangleMesh& mesh);
 // The rows as arrays under the trace's dataset names ("force/device").
 py::dict arrays_of(const std::vector<StepRecord>& rows);
 py::array loads_of(const std::vector<StepRecord>& rows);  // (T, 3) N
+py::array body_areas_of(const std::vector<StepRecord>& rows,
+                        const std::vector<Body>& bodies);  // (T, B) mm²
 
 py::dict by_tissue(const PerTissue<double>& values);
 

@@ -11,6 +11,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/grinding/engine.h"
 #include "toothprep/step/grinding/workpiece.h"
+#include "toothprep/step/session/body_warnings.h"
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/step/session/run_warnings.h"
 #include "toothprep/step/session/session.h"
@@ -303,6 +304,21 @@ double overlap_of(const SessionTotals& totals) {
   return sum;
 }
 
+py::dict bodies_of(const std::vector<Body>& list, const SessionTotals& totals) {
+  py::dict all;
+  for (std::size_t b = 0; b < list.size(); ++b) {
+    const BodyTotals& t = totals.bodies[b];
+    py::dict d;
+    d["kind"] = std::string(kBodyKindNames[static_cast<std::size_t>(list[b].kind)]);
+    d["contact_steps"] = t.contact_steps;
+    d["shank_contact_steps"] = t.shank_contact_steps;
+    d["removed_mm3"] = t.removed;
+    d["first_removal_s"] = t.first_removal;
+    all[py::str(list[b].name)] = d;
+  }
+  return all;
+}
+
 py::dict totals_of(const SessionObject& s) {
   const SessionTotals t = s.totals();
   py::dict d;
@@ -317,6 +333,7 @@ py::dict totals_of(const SessionObject& s) {
   d["rejected_steps"] = t.rejected_steps;
   d["shank_contact_steps"] = t.shank_contact_steps;
   d["removed_mm3"] = by_tissue(t.removed);
+  if (!t.bodies.empty()) d["bodies"] = bodies_of(s.tooth().layers.bodies->list, t);
   d["initial_overlap_mm3"] = overlap_of(t);
   d["torque_work_mj"] = t.torque_work;
   d["removed_energy_mj"] = s.removed_energy();
@@ -336,6 +353,7 @@ py::dict attributes_of(const SessionObject& s, const std::string& tooth_hash) {
   a["torque_work_mJ"] = s.totals().torque_work;
   a["removed_energy_mJ"] = s.removed_energy();
   a["energy_ratio"] = energy_ratio(s);
+  if (const auto& bodies = s.tooth().layers.bodies) a["bodies"] = bodies_text(bodies->list);
   return a;
 }
 
@@ -352,6 +370,8 @@ std::vector<std::string> judge(const SessionObject& s, const Trajectory& given,
     texts.push_back("path: " + message_of(f));
   for (std::string& text : outcome_warnings(rows, s.bur().bur, s.tooth().layers))
     texts.push_back(std::move(text));
+  if (const auto& bodies = s.tooth().layers.bodies)
+    for (std::string& text : body_warnings(t, bodies->list)) texts.push_back(std::move(text));
   if (s.ran_off())
     texts.push_back(
         fmt::format("path: the bur left the tooth and went {:g} mm without contact; "
@@ -386,6 +406,8 @@ py::object run(SessionObject& s, const py::object& time, const py::object& posit
   warn(warnings);
   py::dict arrays = arrays_of(rows);
   if (given.loaded) arrays["force/applied"] = loads_of(rows);
+  if (const auto& bodies = s.tooth().layers.bodies)
+    arrays["contact/body_area"] = body_areas_of(rows, bodies->list);
   return py::module_::import("toothprep._trace").attr("Trace")(arrays, attributes_of(s, hash));
 }
 

@@ -303,6 +303,23 @@ void bind_teeth(py::module_& m) {
       "volume_mm3", [](const Tooth& t) { return by_tissue(remaining_volumes_mm3(t.layers)); },
       "What remains of each tissue, mm^3: a dict by 'enamel', 'dentin', 'pulp', 'other'.");
   type.def_property_readonly(
+      "bodies",
+      [](const Tooth& t) {
+        py::dict all;
+        if (!t.layers.bodies) return all;
+        const std::vector<double> volumes = body_volumes_mm3(t.layers);
+        for (std::size_t b = 0; b < volumes.size(); ++b) {
+          const Body& body = t.layers.bodies->list[b];
+          py::dict d;
+          d["kind"] = std::string(kBodyKindNames[static_cast<std::size_t>(body.kind)]);
+          d["volume_mm3"] = volumes[b];
+          all[py::str(body.name)] = d;
+        }
+        return all;
+      },
+      "Of a file with several bodies a dict by name: kind ('tooth', 'neighbour', 'gum') and "
+      "volume_mm3, what remains; else empty.");
+  type.def_property_readonly(
       "bounds_mm",
       [](const Tooth& t) {
         const Box box = bounds_of_solid(t.layers);

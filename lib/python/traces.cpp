@@ -5,6 +5,7 @@
 #include "long_work.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/parameters.h"
+#include "toothprep/tools/files/body_columns.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/files/trace_columns.h"
 #include "toothprep/tools/files/trajectory_file.h"
@@ -15,6 +16,7 @@ namespace {
 
 constexpr const char* kMeasured = "force/measured";
 constexpr const char* kApplied = "force/applied";
+constexpr const char* kBodyArea = "contact/body_area";
 
 std::string key_of(const TraceColumn& column) { return std::string(column.dataset).substr(1); }
 
@@ -54,6 +56,7 @@ py::dict attributes_of(const Trace& trace) {
   a["removed_energy_mJ"] = trace.audit.removed_energy_mj;
   a["energy_ratio"] = trace.audit.energy_ratio;
   if (trace.rows_every > 1) a["rows_every"] = trace.rows_every;
+  if (!trace.bodies.empty()) a["bodies"] = bodies_text(trace.bodies);
   if (trace.events.events.empty()) return a;
   py::list events;
   for (const SessionEvent& e : trace.events.events)
@@ -95,6 +98,7 @@ py::tuple load_trace(const py::object& path) {
   py::dict arrays = arrays_of(trace.rows);
   if (!trace.measured_force.empty()) arrays[kMeasured] = vectors(trace.measured_force);
   if (trace.drive == name_of(Drive::kLoad)) arrays[kApplied] = loads_of(trace.rows);
+  if (!trace.bodies.empty()) arrays[kBodyArea] = body_areas_of(trace.rows, trace.bodies);
   return py::make_tuple(arrays, attributes_of(trace));
 }
 
@@ -154,6 +158,13 @@ void save_trace(const py::dict& arrays, const py::dict& attributes, const py::ob
   if (const auto load = taken(arrays, kApplied, 3, trace.rows.size(), false))
     for (std::size_t i = 0; i < trace.rows.size(); ++i)
       trace.rows[i].handle.load = Eigen::Map<const Vec3>(load->data() + 3 * i);
+  if (attributes.contains("bodies")) {
+    trace.bodies = parse_bodies(attributes["bodies"].cast<std::string>());
+    const auto width = static_cast<int>(trace.bodies.size());
+    if (const auto areas = taken(arrays, kBodyArea, width, trace.rows.size(), false))
+      for (std::size_t i = 0; i < trace.rows.size(); ++i)
+        set_body_areas(trace.rows[i], trace.bodies, areas->data() + i * trace.bodies.size());
+  }
   trace.toothprep_version = attributes["toothprep_version"].cast<std::string>();
   trace.parameters_toml = attributes["parameters"].cast<std::string>();
   trace.tooth_sha256 = attributes["tooth_sha256"].cast<std::string>();
@@ -198,6 +209,17 @@ py::array loads_of(const std::vector<StepRecord>& rows) {
   loads.reserve(rows.size());
   for (const StepRecord& row : rows) loads.push_back(row.handle.load);
   return vectors(loads);
+}
+
+py::array body_areas_of(const std::vector<StepRecord>& rows, const std::vector<Body>& bodies) {
+  py::array_t<double> out(
+      {static_cast<py::ssize_t>(rows.size()), static_cast<py::ssize_t>(bodies.size())});
+  double* at = out.mutable_data();
+  for (const StepRecord& row : rows) {
+    get_body_areas(row, bodies, at);
+    at += bodies.size();
+  }
+  return out;
 }
 
 void bind_traces(py::module_& m) {

@@ -14,11 +14,11 @@ class Trace(dict):
     'force/applied' (T, 3) N, the load, of the drive 'load';
     'torque', 'torque_trial' (T,) mN m; 'power' (T,) W; 'rotation_rate' (T,) rev/s; 'stalled' (T,) 0 or 1;
     'stalled_fraction' (T,); 'contact/area' (T, 4) mm^2 and 'removed/volume' (T, 4) mm^3, by `tissues`;
-    'contact/shank_area' (T,) mm^2. Positions and forces in W. Row 0 is the start, with zero forces.
+    'contact/shank_area' (T,) mm^2; of a tooth with several bodies 'contact/body_area' (T, B) mm^2, by `bodies`. Positions and forces in W. Row 0 is the start, with zero forces.
 
     attributes: what the file says at its root: parameters (complete TOML), tooth_sha256, bur, drive, engine,
     toothprep_version, initial_overlap_mm3, and the audit torque_work_mJ, removed_energy_mJ, energy_ratio;
-    rows_every of a trace that holds every such step only;
+    bodies of a tooth with several, "36:tooth,37:neighbour"; rows_every of a trace that holds every such step only;
     of a live session that was paused, changed or taken back also events, (time, kind, arguments) of each, and event_burs.
     """
 
@@ -30,16 +30,26 @@ class Trace(dict):
         self.attributes = dict(attributes or {})
 
     @property
+    def bodies(self):
+        """Names of the tooth's bodies, the columns of 'contact/body_area'; empty if it has one."""
+        text = self.attributes.get("bodies", "")
+        return tuple(entry.split(":")[0] for entry in text.split(",") if entry)
+
+    def _columns(self):
+        by_body = ("contact/body_area", "mm^2", [f"contact_body_{name}_mm2" for name in self.bodies])
+        return [*_core.trace_columns(), *_FURTHER, by_body]
+
+    @property
     def units(self):
         """The unit of every dataset, as in the file: {'force/device': 'N', ...}."""
-        return {name: unit for name, unit, _ in [*_core.trace_columns(), *_FURTHER] if name in self}
+        return {name: unit for name, unit, _ in self._columns() if name in self}
 
     def dataframe(self):
         """The trace as a pandas DataFrame, a column per component under the names of the CSV export
         (time_s, force_device_x_N, ...). ImportError without pandas."""
         import pandas
         columns = {}
-        for name, _, names in [*_core.trace_columns(), *_FURTHER]:
+        for name, _, names in self._columns():
             if name not in self:
                 continue
             values = self[name]

@@ -11,13 +11,24 @@
 namespace toothprep::testing {
 namespace {
 
+// What lies beyond x = 0 is a neighbour's.
+void share_among_bodies(LayeredTooth& tooth) {
+  LabelGrid of = make_body_grid(tooth.tissue, 2);
+  for (std::size_t b = 0; b < of.table_size(); ++b) {
+    std::uint8_t* body = of.writable_brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) body[v] = of.brick_origin(b).x() + (v >> 6) < 0 ? 1 : 2;
+  }
+  set_bodies(tooth, {{"36", BodyKind::kTooth}, {"37", BodyKind::kNeighbour}}, std::move(of));
+}
+
 TEST(NoAllocation, StepsThatGrindAndCarveAllocateNothing) {
   const Bur bur = paper_cylinder();
-  const LayeredTooth tooth = block(0.1, 2, Vec3(6, 6, 6));
+  LayeredTooth tooth = block(0.1, 2, Vec3(6, 6, 6));
   Parameters parameters = preset_parameters("paper");
-  for (int variant = 0; variant < 4; ++variant) {
+  for (int variant = 0; variant < 6; ++variant) {
+    if (variant == 4) share_among_bodies(tooth);  // and with these both drives again
     const Drive drive = variant % 2 == 0 ? Drive::kCoupled : Drive::kDirect;
-    parameters.engine = variant < 2 ? EngineKind::kLevelset : EngineKind::kVoxel;
+    parameters.engine = variant / 2 == 1 ? EngineKind::kVoxel : EngineKind::kLevelset;
     const auto path = straight_path({Vec3(0, 0.8, 0.4), Vec3(0.3, -3, 0.2)}, 1.5);
     Workpiece workpiece(tooth);
     Session session(bur, workpiece, parameters, drive, path.front());
@@ -27,6 +38,10 @@ TEST(NoAllocation, StepsThatGrindAndCarveAllocateNothing) {
     EXPECT_EQ(allocations, before);
     EXPECT_GT(workpiece.cut().bricks_stored(), bricks);  // it did carve into new bricks
     EXPECT_GT(session.totals().removed[0], 0);
+    if (variant >= 4) {
+      EXPECT_GT(session.totals().bodies.at(1).removed, 0);
+      EXPECT_GT(session.totals().bodies.at(1).contact_steps, 0);
+    }
   }
 }
 

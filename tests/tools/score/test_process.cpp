@@ -201,13 +201,35 @@ TEST(Process, ABurThatTouchedNothingHasNoForcesAndNoRates) {
   EXPECT_EQ(r.figure("contact_episodes"), 0);
 }
 
+TEST(Process, ContactWithBodiesIsCountedByTheirAreas) {
+  MadeRecording r;
+  r.cut(0, 1, 0.1).other_bodies[0] = {2, 0.25};                   // the neighbour
+  r.cut(0, 1, 0.2).other_bodies = {{{3, 0.25}, {2, 0.125}, {}}};  // gum and the neighbour
+  r.cut(0, 1, 0.4).contact_area[3] = 0.5;  // `other`, but of the tooth itself
+  const Quantities quantities =
+      process_figures(
+          r.rows(), {}, {},
+          {{"36", BodyKind::kTooth}, {"37", BodyKind::kNeighbour}, {"gum", BodyKind::kGum}})
+          .quantities;
+  const auto figure = [&](const char* key) { return find_quantity(quantities, key)->value; };
+  EXPECT_NEAR(figure("process.neighbour_contact_s"), 0.3, 1e-12);
+  EXPECT_NEAR(figure("process.body_contact_s.37"), 0.3, 1e-12);
+  EXPECT_NEAR(figure("process.body_contact_s.gum"), 0.2, 1e-12);
+  EXPECT_NEAR(figure("process.gum_contact_s"), 0.2, 1e-12);
+}
+
 TEST(Process, EveryFigureIsInTheTableWithItsUnit) {
   MadeRecording r;
   r.cut().removed_volume[0] = 0.1;
-  const Quantities quantities = r.figures().quantities;
+  // One body of each kind that isn't to be touched, so that every row of the table is there.
+  const Quantities quantities =
+      process_figures(
+          r.rows(), {}, {},
+          {{"36", BodyKind::kTooth}, {"37", BodyKind::kNeighbour}, {"gum", BodyKind::kGum}})
+          .quantities;
   std::size_t defined = 0;
   for (const std::string& key : known_quantity_keys()) defined += key.rfind("process.", 0) == 0;
-  EXPECT_EQ(quantities.size(), defined);
+  EXPECT_EQ(quantities.size(), defined + 1);  // body_contact_s is there twice
   for (const Quantity& q : quantities) {
     ASSERT_NE(find_definition(q.key), nullptr) << q.key;
     EXPECT_EQ(q.unit, find_definition(q.key)->unit) << q.key;

@@ -447,7 +447,7 @@ Box molar_bounds(const MolarOptions& o) {
   return leant;
 }
 
-LayeredTooth make_molar(const MolarOptions& o) {
+void check_molar_options(const MolarOptions& o) {
   if (!(o.voxel >= 0.02 && o.voxel <= 0.5))
     throw Error("molar: the voxel size must lie in [0.02, 0.5] mm, got " +
                 fmt::format("{:g}", o.voxel));
@@ -456,6 +456,10 @@ LayeredTooth make_molar(const MolarOptions& o) {
         fmt::format("molar: {:g} mm worn off is not within 0 to {:g} mm", o.worn, kMostWorn));
   if (!(std::abs(o.tilt_deg) <= 180))
     throw Error(fmt::format("molar: a tilt of {:g} degrees is not within 180", o.tilt_deg));
+}
+
+LayeredTooth make_molar(const MolarOptions& o) {
+  check_molar_options(o);
   const Lattice lattice{Vec3::Constant(o.voxel / 2), o.voxel};
   const Box box = molar_bounds(o);
   const Index3 lower = lattice.to_index(box.min).array().floor().matrix().cast<int>();
@@ -484,6 +488,11 @@ LayeredTooth make_molar(const MolarOptions& o) {
           samples[v] =
               sample_variant(lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7)), o);
       });
+  describe_molar(o, tooth);
+  return tooth;
+}
+
+void describe_molar(const MolarOptions& o, LayeredTooth& tooth) {
   const auto direction = [&](const Vec3& upright) {
     const Vec3 d = o.tilt_deg == 0 ? upright : Vec3(leaning(o) * upright);
     return fmt::format("{:g} {:g} {:g}", d.x(), d.y(), d.z());
@@ -494,7 +503,6 @@ LayeredTooth make_molar(const MolarOptions& o) {
   tooth.provenance["axis_occlusal"] = direction(Vec3::UnitZ());
   tooth.provenance["axis_mesial"] = direction(Vec3(0, -1, 0));
   tooth.provenance["axis_buccal"] = direction(Vec3::UnitX());
-  return tooth;
 }
 
 }  // namespace toothprep

@@ -40,4 +40,8 @@ struct MolarOptions {
 // for options out of range.
 [[nodiscard]] LayeredTooth make_molar(const MolarOptions& options);
 
+// Its parts: what refuses options, and the source and axes among a tooth's metadata.
+void check_molar_options(const MolarOptions& options);
+void describe_molar(const MolarOptions& options, LayeredTooth& tooth);
+
 }  // namespace toothprep

@@ -1,6 +1,7 @@
 // What one step of a session takes and gives: a row of a trace.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "toothprep/step/core/geometry.h"
@@ -19,6 +20,13 @@ struct HandleSample {
   Vec3 load = Vec3::Zero();              // N, W: pushes the bur in the drive `load`
 };
 
+// Contact with a body that isn't the tooth that is prepared (tooth/tooth_bodies.h).
+struct BodyArea {
+  std::uint8_t body = 0;  // 1 + its place in the tooth's list; 0: none
+  double area = 0;        // mm², advancing
+};
+constexpr std::size_t kMostTouched = 3;  // such bodies in a step that are recorded
+
 // The state after the step that ends at handle.time. Forces in N on the bur, W frame.
 struct StepRecord {
   HandleSample handle;                 // what was commanded
@@ -33,6 +41,8 @@ struct StepRecord {
   bool stalled = false;                // in any part of the step
   double stalled_fraction = 0;         // of the step's time: between 0 and 1 if the step was split
   PerTissue<double> contact_area{};    // mm², advancing
+  // The part of it in other bodies, the largest first.
+  std::array<BodyArea, kMostTouched> other_bodies{};
   PerTissue<double> removed_volume{};  // mm³, cumulative
   double shank_contact_area = 0;       // mm², reported only: the shank does not grind
 };

@@ -351,6 +351,8 @@ void Removal::carve_brick(std::size_t brick) noexcept {
   }
   if (b.changed == 0) return;
   count_removed(brick, b);
+  if (WorkpieceBodies* bodies = workpiece_.bodies())
+    bodies->count_removed(brick, b.before, b.values);
   const bool left = std::any_of(b.low, b.low + kBlocks, [&](float low) { return low < band; });
   if (!left) kept_ = b.values;
   carved_.push_back({brick, left ? b.values : nullptr});

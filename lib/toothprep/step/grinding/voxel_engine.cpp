@@ -181,6 +181,8 @@ void VoxelEngine::remove_at(const Pose& pose) noexcept {
         values[brick_offset(x & 7, y & 7, z & 7)] = half;
         workpiece_.changed().mark(brick);
         removed_[label - 1] += volume;
+        if (WorkpieceBodies* bodies = workpiece_.bodies())
+          bodies->count_removed(Index3(x, y, z), volume);
       }
 }
 

@@ -3,48 +3,13 @@
 #include <algorithm>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/tooth/extended_labels.h"
 
 namespace toothprep {
 namespace {
 
 constexpr std::size_t kMostSpareBricks = 8192;
 constexpr int kLabelMargin = 2;  // voxels that labels are extended into the air
-
-// One layer: every air voxel near the surface takes the label of its nearest labelled neighbour
-// (faces before edges before corners, then by place).
-LabelGrid extend_labels(const LabelGrid& labels, const LevelSet& solid, float reach) {
-  static const std::vector<Index3> neighbours = [] {
-    std::vector<Index3> n;
-    for (int x = -1; x <= 1; ++x)
-      for (int y = -1; y <= 1; ++y)
-        for (int z = -1; z <= 1; ++z)
-          if (x || y || z) n.emplace_back(x, y, z);
-    std::stable_sort(n.begin(), n.end(), [](const Index3& a, const Index3& b) {
-      return a.squaredNorm() < b.squaredNorm();
-    });
-    return n;
-  }();
-  LabelGrid extended = labels;
-  for (std::size_t b = 0; b < labels.table_size(); ++b) {
-    if (solid.is_uniform(b)) continue;  // no surface within the band
-    const std::uint8_t* here = labels.brick(b);
-    const float* phi = solid.brick(b);
-    const Index3 first = labels.brick_origin(b);
-    std::uint8_t* target = nullptr;
-    for (int v = 0; v < kBrickVoxels; ++v) {
-      if (here[v] != 0 || phi[v] > reach) continue;
-      const Index3 at = first + Index3(v >> 6, (v >> 3) & 7, v & 7);
-      for (const Index3& n : neighbours) {
-        const std::uint8_t label = labels.value(at.x() + n.x(), at.y() + n.y(), at.z() + n.z());
-        if (label == 0) continue;
-        if (!target) target = extended.writable_brick(b);
-        target[v] = label;
-        break;
-      }
-    }
-  }
-  return extended;
-}
 
 }  // namespace
 
@@ -57,8 +22,11 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
   if (!same_bricks(tooth.tissue) || !same_bricks(tooth.remains[0]) ||
       !same_bricks(tooth.remains[1]) || !same_bricks(tooth.remains[2]))
     throw Error("tooth: labels and level sets must cover the same bricks");
-  labels_ = tooth.tissue;
-  for (int layer = 0; layer < kLabelMargin; ++layer) labels_ = extend_labels(labels_, solid, band_);
+  labels_ = extended_labels(tooth.tissue, solid, band_, kLabelMargin);
+  if (tooth.bodies && tooth.bodies->list.size() > 1) {
+    if (!same_bricks(tooth.bodies->of)) throw Error("tooth: bodies must cover the same bricks");
+    bodies_.emplace(tooth);
+  }
 
   cut_ = LevelSet(solid.first_brick(), solid.brick_counts(), -band_, {band_});
   std::size_t not_void = 0;

@@ -8,9 +8,11 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <vector>
 
 #include "toothprep/step/grinding/changed_bricks.h"
+#include "toothprep/step/grinding/workpiece_bodies.h"
 #include "toothprep/step/tooth/layered_tooth.h"
 
 namespace toothprep {
@@ -40,6 +42,10 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   // boundary voxel whose centre lies outside still has its tissue.
   const LabelGrid& labels() const { return labels_; }
 
+  // Whose each voxel is, and what was removed of each; null if the tooth has one body.
+  const WorkpieceBodies* bodies() const { return bodies_ ? &*bodies_ : nullptr; }
+  WorkpieceBodies* bodies() { return bodies_ ? &*bodies_ : nullptr; }
+
   // Of a brick and its seven upper neighbours, i.e. of every cell that starts in the brick, by
   // table index: the one tissue that occurs (0 if several or none do), and whether all lie deeper
   // in the tooth than the band.
@@ -62,6 +68,7 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   ChangedBricks changed_;
   std::size_t spare_bricks_;
   LabelGrid labels_;
+  std::optional<WorkpieceBodies> bodies_;
   std::vector<CellsOfBrick> cells_;
 };
 

@@ -44,6 +44,17 @@ void add(const SessionTotals& more, SessionTotals& sum) {
   sum.way_without_contact = more.way_without_contact;
   sum.largest_lag = std::max(sum.largest_lag, more.largest_lag);
   sum.peak_device_force = std::max(sum.peak_device_force, more.peak_device_force);
+  sum.bodies.resize(more.bodies.size());
+  for (std::size_t b = 0; b < more.bodies.size(); ++b) {
+    sum.bodies[b].contact_steps += more.bodies[b].contact_steps;
+    sum.bodies[b].shank_contact_steps += more.bodies[b].shank_contact_steps;
+    if (!sum.bodies[b].first_removal) sum.bodies[b].first_removal = more.bodies[b].first_removal;
+  }
+}
+
+void add_bodies(const SessionTotals& more, std::vector<double>& removed) {
+  removed.resize(more.bodies.size());
+  for (std::size_t b = 0; b < removed.size(); ++b) removed[b] += more.bodies[b].removed;
 }
 
 }  // namespace
@@ -56,7 +67,7 @@ Intervals::Intervals(Workpiece& workpiece, const Parameters& parameters, Drive d
     : workpiece_(workpiece), parameters_(parameters), drive_(drive) {}
 
 Session& Intervals::begin(const Bur& bur, const HandleSample& first) {
-  Start start{workpiece_.cut(), removed_};
+  Start start{workpiece_.cut(), removed_, of_bodies_};
   session_ = std::make_unique<Session>(bur, workpiece_, parameters_, drive_, first);
   starts_.push_back(std::move(start));
   if (starts_.size() > kMostUndos) starts_.pop_front();
@@ -66,6 +77,7 @@ Session& Intervals::begin(const Bur& bur, const HandleSample& first) {
 void Intervals::end() {
   add_removed(session_->totals().removed, removed_);
   add_removed(session_->totals().removed, ground_);
+  add_bodies(session_->totals(), of_bodies_);
   add(session_->totals(), ended_);
   session_.reset();
 }
@@ -74,6 +86,7 @@ bool Intervals::undo() {
   if (session_ || starts_.empty()) return false;
   restore_cut(workpiece_, starts_.back().cut);
   removed_ = starts_.back().removed;
+  of_bodies_ = starts_.back().of_bodies;
   starts_.pop_back();
   return true;
 }
@@ -81,9 +94,14 @@ bool Intervals::undo() {
 SessionTotals Intervals::totals() const {
   SessionTotals totals = ended_;
   totals.removed = removed_;
-  if (!session_) return totals;
-  add(session_->totals(), totals);
-  add_removed(session_->totals().removed, totals.removed);
+  std::vector<double> of_bodies = of_bodies_;
+  if (session_) {
+    add(session_->totals(), totals);
+    add_removed(session_->totals().removed, totals.removed);
+    add_bodies(session_->totals(), of_bodies);
+  }
+  of_bodies.resize(totals.bodies.size());
+  for (std::size_t b = 0; b < of_bodies.size(); ++b) totals.bodies[b].removed = of_bodies[b];
   return totals;
 }
 

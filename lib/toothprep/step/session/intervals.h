@@ -37,12 +37,14 @@ class Intervals {  // on one tooth
   struct Start {
     LevelSet cut;
     PerTissue<double> removed{};
+    std::vector<double> of_bodies;
   };
   Workpiece& workpiece_;
   Parameters parameters_;
   Drive drive_;
   std::unique_ptr<Session> session_;
   PerTissue<double> removed_{}, ground_{};
+  std::vector<double> of_bodies_;  // removed of each, mm³
   SessionTotals ended_;
   std::deque<Start> starts_;  // of the intervals that were not undone
 };

@@ -145,7 +145,8 @@ std::vector<std::string> outcome_warnings(const std::vector<StepRecord>& rows, c
     warnings.push_back(
         fmt::format("the pulp was opened at {:.3f} s: {:.3f} mm^3 of it were removed",
                     row->handle.time, rows.back().removed_volume[tissue_index(Tissue::kPulp)]));
-  if (const StepRecord* row = first_removed(rows, Tissue::kOther))
+  if (const StepRecord* row =
+          tooth.bodies ? nullptr : first_removed(rows, Tissue::kOther))  // else body_warnings()
     warnings.push_back(
         fmt::format("tissue 'other' (a neighbour, gum) was cut from {:.3f} s on: {:.3f} mm^3",
                     row->handle.time, rows.back().removed_volume[tissue_index(Tissue::kOther)]));

@@ -16,7 +16,8 @@ std::vector<std::string> run_warnings(const SessionTotals& totals, Drive drive);
 
 // What a finished run did not do, or did to what nobody prepares, a sentence each: the motor was
 // never on; the bur never touched the tooth (`tooth` as it was before; with its least distance);
-// the bur was more than 25 mm from the tooth's grid; the pulp was opened, and when; tissue that is no tooth's ('other': a neighbour, gum) was cut.
+// the bur was more than 25 mm from the tooth's grid; the pulp was opened, and when; tissue that is no tooth's ('other': a neighbour, gum) was cut
+// (where the tooth has a list of bodies: body_warnings.h).
 std::vector<std::string> outcome_warnings(const std::vector<StepRecord>& rows, const Bur& bur,
                                           const LayeredTooth& tooth);
 

@@ -1,8 +1,11 @@
 #include "toothprep/step/session/session.h"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/body_contact.h"
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/engine.h"
 #include "toothprep/step/session/split_step.h"
@@ -14,6 +17,7 @@ namespace {
 constexpr double kShankElementSize = 0.4;  // mm
 constexpr double kHeadElementSize = 0.2;   // mm
 constexpr double kAlmost = 1 - 1e-6;
+constexpr double kRounding = 1e-5;  // of volumes and areas that are added up in single precision
 
 }  // namespace
 
@@ -28,6 +32,9 @@ class Session::Work {
   void count_work(const StepPart& part, double h) noexcept;
   int parts_of_step() noexcept;
   void count(const StepRecord& row) noexcept;
+  void find_bodies(const HandleSample& from, StepRecord& row) const noexcept;
+  void count_bodies(const StepRecord& row) noexcept;
+  void count_removed_of_bodies(const StepRecord& row) noexcept;
   bool clear_of_tissue() const noexcept;
   void finish(StepRecord& last) noexcept;
 
@@ -39,6 +46,9 @@ class Session::Work {
   BurState state_;
   StepRecord initial_;
   SessionTotals totals_;
+  // Of a tooth with several bodies; what had been removed of each before.
+  std::optional<BodyContact> body_contact_;
+  std::vector<double> removed_before_;
 };
 
 Session::Work::Work(const Bur& bur, Workpiece& workpiece, const Parameters& parameters, Drive drive,
@@ -53,6 +63,11 @@ Session::Work::Work(const Bur& bur, Workpiece& workpiece, const Parameters& para
     throw Error("the first handle pose is not finite");
   engine_ = make_engine(bur, workpiece, parameters, first.pose);
   totals_.initial_overlap = engine_->clear(first.pose);
+  if (const WorkpieceBodies* bodies = workpiece.bodies()) {
+    body_contact_.emplace(bur);
+    removed_before_ = bodies->removed();
+    totals_.bodies.resize(bodies->count());
+  }
   state_.pose = first.pose;
   state_.handle = first;
   if (first.buttons & kPedalButton) state_.rotation_rate = parameters.handpiece.rotation_rate;
@@ -73,8 +88,20 @@ StepRecord Session::Work::step(const HandleSample& next) noexcept {
   StepRecord row = whole.row(start, model_.parameters.time_step);
   row.removed_volume = engine_->removed();
   row.shank_contact_area = shank_area_.at(workpiece_, state_.pose);
+  if (body_contact_) find_bodies(from, row);
   count(row);
   return row;
+}
+
+// Whose the contact is. In a stall it is that of the velocity that the stall was judged on.
+void Session::Work::find_bodies(const HandleSample& from, StepRecord& row) const noexcept {
+  double total = 0;
+  for (const double area : row.contact_area) total += area;
+  const Quat turn = row.handle.pose.orientation * from.pose.orientation.conjugate();
+  const Vec3 omega =
+      std::copysign(2, turn.w()) * turn.vec() / model_.parameters.time_step;  // of a small turn
+  row.other_bodies =
+      body_contact_->areas(workpiece_, state_.pose, state_.judged_velocity, omega, total);
 }
 
 StepRecord Session::Work::stand(const HandleSample& rejected) noexcept {
@@ -142,6 +169,37 @@ void Session::Work::count(const StepRecord& row) noexcept {
     totals_.largest_lag =
         std::max(totals_.largest_lag, (row.handle.pose.position - row.bur.position).norm());
   totals_.peak_device_force = std::max(totals_.peak_device_force, row.device_force.norm());
+  if (body_contact_) count_bodies(row);
+}
+
+void Session::Work::count_removed_of_bodies(const StepRecord& row) noexcept {
+  const WorkpieceBodies& bodies = *workpiece_.bodies();
+  double all = 0, others = 0;
+  for (const double volume : row.removed_volume) all += volume;
+  for (std::size_t b = 0; b < totals_.bodies.size(); ++b) {
+    totals_.bodies[b].removed = bodies.removed()[b] - removed_before_[b];
+    others += totals_.bodies[b].removed;
+  }
+  // The rest is the tooth's; what is less than the sums' rounding is nothing.
+  totals_.bodies[bodies.worked()].removed = all - others > kRounding * all ? all - others : 0;
+  for (BodyTotals& body : totals_.bodies)
+    if (body.removed > 0 && !body.first_removal) body.first_removal = row.handle.time;
+}
+
+void Session::Work::count_bodies(const StepRecord& row) noexcept {
+  count_removed_of_bodies(row);
+  double area = 0;
+  for (const double of_tissue : row.contact_area) area += of_tissue;
+  const double all = area;
+  for (const BodyArea& other : row.other_bodies) {
+    if (other.body != 0) ++totals_.bodies[other.body - 1u].contact_steps;
+    area -= other.area;
+  }
+  totals_.bodies[workpiece_.bodies()->worked()].contact_steps += area > kRounding * all;
+  if (!(row.shank_contact_area > 0)) return;
+  const std::uint64_t touched = BodyContact::touched_by(model_.shank, workpiece_, state_.pose);
+  for (std::size_t b = 0; b < totals_.bodies.size(); ++b)
+    totals_.bodies[b].shank_contact_steps += static_cast<long>(touched >> b & 1u);
 }
 
 bool Session::Work::clear_of_tissue() const noexcept {
@@ -152,6 +210,7 @@ void Session::Work::finish(StepRecord& last) noexcept {
   engine_->finish(state_.pose);
   totals_.removed = engine_->removed();
   last.removed_volume = engine_->removed();
+  if (body_contact_) count_removed_of_bodies(last);
 }
 
 double energy_of_removal(const Parameters& parameters, const SessionTotals& totals,

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
@@ -13,6 +15,14 @@ namespace toothprep {
 
 // Drive `load`: a bur that has gone this far without contact has run off, mm.
 constexpr double kMostWayWithoutContact = 5;
+
+// What was done to one body of a tooth that has several (tooth/tooth_bodies.h).
+struct BodyTotals {
+  long contact_steps = 0;               // in which the head met it, advancing
+  long shank_contact_steps = 0;         // in which the shank met it
+  double removed = 0;                   // mm³
+  std::optional<double> first_removal;  // s, the end of the step since which some of it is missing
+};
 
 // The energy audit and what else a session counts.
 struct SessionTotals {
@@ -35,6 +45,8 @@ struct SessionTotals {
   long unbalanced_steps = 0;       // drive `load`: at its largest speed although in contact
   double way_without_contact = 0;  // mm, of the bur since it last met tissue
   double peak_device_force = 0;    // N
+  // Of each body, by its place in the list; empty if the tooth has no others.
+  std::vector<BodyTotals> bodies;
 };
 
 // What the removal of `ground` (mm³) takes by the law, mJ: u_k V_k summed, with u_k the mean over the

@@ -186,6 +186,7 @@ std::size_t memory_bytes(const LayeredTooth& tooth) {
   std::size_t bytes = tooth.tissue.memory_bytes() + tooth.solid.memory_bytes();
   for (const auto& grid : tooth.remains) bytes += grid.memory_bytes();
   if (tooth.parts) bytes += tooth.parts->intact.memory_bytes() + tooth.parts->cut.memory_bytes();
+  if (tooth.bodies) bytes += tooth.bodies->of.memory_bytes();
   return bytes;
 }
 

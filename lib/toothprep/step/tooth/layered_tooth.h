@@ -12,6 +12,7 @@
 #include "toothprep/step/core/geometry.h"
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/step/tooth/brick_grid.h"
+#include "toothprep/step/tooth/tooth_bodies.h"
 
 namespace toothprep {
 
@@ -47,6 +48,8 @@ struct LayeredTooth {  // the anatomy, and what remains of it
   std::array<LevelSet, 3> remains;
   // Of a tooth that was cut here; absent from one that is intact or whose history isn't known.
   std::optional<ToothParts> parts;
+  // Whose each voxel is, where there are neighbours or gum beside the tooth that is prepared.
+  std::optional<ToothBodies> bodies;
   // Free-form metadata: source, source_sha256, threshold_*_..., kept through files.
   std::map<std::string, std::string> provenance;
 
@@ -97,7 +100,7 @@ struct Box {
 [[nodiscard]] std::size_t memory_bytes(const LayeredTooth& tooth);  // of all grids
 
 // SHA-256 over lattice, labels and level sets (not over the file that holds them), independent of
-// the box and of which bricks are stored.
+// the box and of which bricks are stored. Parts and bodies aren't in it.
 [[nodiscard]] std::string tooth_sha256(const LayeredTooth& tooth);
 
 // The same anatomy with `solid` carved: each tissue's level set becomes max(tissue, solid).

@@ -301,7 +301,11 @@ Solid read_solid(const std::string& path, double voxel, std::optional<double> mm
   const std::string extension = file_extension(path);
   if (extension == ".vdb") {
     ToothReading reading = read_tooth_with_warnings(path);
-    Solid solid = solid_of(path, std::move(reading.tooth));
+    std::optional<ToothBodies> bodies = reading.tooth.bodies;
+    const std::string sha256 = bodies ? tooth_sha256(reading.tooth) : std::string();
+    Solid solid = solid_of(path, with_others_as_other(std::move(reading.tooth)));
+    if (bodies) solid.sha256 = sha256;
+    solid.bodies = std::move(bodies);
     solid.warnings = std::move(reading.warnings);
     return solid;
   }

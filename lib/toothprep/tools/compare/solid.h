@@ -26,6 +26,8 @@ struct Solid {           // a tooth or a mesh as something to compare
   std::vector<std::string>
       warnings;  // of reading a tooth file (read_tooth_with_warnings), of mending
   std::vector<OpenSide> open_sides;  // of a mesh that had to be closed there
+  // Of a tooth file with a list of bodies. The tooth itself has all but the prepared one as `other`.
+  std::optional<ToothBodies> bodies;
 
   // Told by on_lattice():
   double beyond_box_mm3 = 0;  // what lay beyond the box of the lattice and was cut off

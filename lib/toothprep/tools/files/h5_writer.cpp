@@ -145,14 +145,15 @@ Handle Writer::make_dataset(const char* name, Storage storage, Id space, Id crea
   return set;
 }
 
-void Writer::describe(const Handle& set, const char* unit,
-                      const std::vector<std::string>& tissues) {
+void Writer::describe(const Handle& set, const char* unit, const std::vector<std::string>& names,
+                      const char* of_what) {
   text(set.get(), "units", unit);
-  if (!tissues.empty()) texts(set.get(), "tissues", tissues);
+  if (!names.empty()) texts(set.get(), of_what, names);
 }
 
 void Writer::dataset(const char* name, const char* unit, const std::vector<double>& values,
-                     int width, Storage storage, const std::vector<std::string>& tissues) {
+                     int width, Storage storage, const std::vector<std::string>& names,
+                     const char* of_what) {
   const hsize_t rows = values.size() / static_cast<std::size_t>(width);
   const hsize_t size[2] = {rows, static_cast<hsize_t>(width)};
   const int dimensions = width == 1 ? 1 : 2;
@@ -177,7 +178,7 @@ void Writer::dataset(const char* name, const char* unit, const std::vector<doubl
   hash.update(bytes.data(), bytes.size());
   dataset_lines_.insert(
       dataset_line(name, type_of(storage), shape_of_rows(rows, width), hash.hex()));
-  describe(set, unit, tissues);
+  describe(set, unit, names, of_what);
 }
 
 void Writer::text(const char* name, const std::string& value) { text(file_.get(), name, value); }
@@ -263,8 +264,8 @@ GrowingWriter::GrowingWriter(const std::string& path, const std::string& shown,
 GrowingWriter::~GrowingWriter() { columns_.clear(); }
 
 std::size_t GrowingWriter::column(const char* name, const char* unit, int width, Storage storage,
-                                  const std::vector<std::string>& tissues,
-                                  std::size_t rows_per_chunk) {
+                                  const std::vector<std::string>& names, std::size_t rows_per_chunk,
+                                  const char* of_what) {
   const int dimensions = width == 1 ? 1 : 2;
   const hsize_t size[2] = {0, static_cast<hsize_t>(width)};
   const hsize_t most[2] = {H5S_UNLIMITED, size[1]};
@@ -280,7 +281,7 @@ std::size_t GrowingWriter::column(const char* name, const char* unit, int width,
   check(H5Pset_fill_time(creation.get(), H5D_FILL_TIME_ALLOC));
   columns_.push_back({name, make_dataset(name, storage, space.get(), creation.get()), width,
                       storage, 0, std::make_unique<Sha256>()});
-  describe(columns_.back().set, unit, tissues);
+  describe(columns_.back().set, unit, names, of_what);
   return columns_.size() - 1;
 }
 

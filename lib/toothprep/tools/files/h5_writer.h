@@ -26,7 +26,8 @@ class Writer {
   // Rows of `width` values each, as a one-dimensional dataset where the width is 1. Chunked,
   // shuffled, gzip 4.
   void dataset(const char* name, const char* unit, const std::vector<double>& values, int width,
-               Storage storage, const std::vector<std::string>& tissues = {});
+               Storage storage, const std::vector<std::string>& names = {},
+               const char* of_what = "tissues");
 
   // Attributes of the root.
   void text(const char* name, const std::string& value);
@@ -44,7 +45,8 @@ class Writer {
   Writer(const std::string& path, const std::string& shown, Growing);
 
   Handle make_dataset(const char* name, Storage storage, Id space, Id creation);
-  void describe(const Handle& set, const char* unit, const std::vector<std::string>& tissues);
+  void describe(const Handle& set, const char* unit, const std::vector<std::string>& names,
+                const char* of_what);
   void text(Id object, const char* name, const std::string& value);
   void check(Id status) const;
   [[noreturn]] void fail() const;
@@ -79,7 +81,8 @@ class GrowingWriter : public Writer {
 
   // `rows_per_chunk`: 0 for the file's.
   std::size_t column(const char* name, const char* unit, int width, Storage storage,
-                     const std::vector<std::string>& tissues = {}, std::size_t rows_per_chunk = 0);
+                     const std::vector<std::string>& names = {}, std::size_t rows_per_chunk = 0,
+                     const char* of_what = "tissues");
   // Writes the checksums of all attributes but of these, of the root, which will change.
   void start(const std::set<std::string>& changing);
 

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/files/body_columns.h"
 #include "toothprep/tools/files/session_columns.h"
 #include "toothprep/tools/files/trace_parts.h"
 #include "toothprep/tools/io/rename.h"
@@ -105,7 +106,7 @@ void write_head(h5::Writer& out, const SessionHeader& header) {
 }
 
 // A value per column, before they are gathered by column.
-constexpr int kMostWidth = 4;
+constexpr int kMostWidth = static_cast<int>(kMostBodies);
 
 bool make_readable(double* v, int width, bool is_quaternion) {
   bool good = true;
@@ -151,6 +152,17 @@ class SessionRecorder::File {
                             nullptr,
                             c.get,
                             {}});
+    if (!header.trace.bodies.empty()) {
+      bodies_ = header.trace.bodies;
+      const int width = static_cast<int>(bodies_.size());
+      columns_.push_back({out_.column(kBodyAreaName, "mm^2", width, Storage::kDouble,
+                                      names_of(bodies_), 0, kBodyNames),
+                          width,
+                          false,
+                          nullptr,
+                          nullptr,
+                          {}});
+    }
     values_.resize(columns_.size());
     for (std::size_t i = 0; i < columns_.size(); ++i)
       if (columns_[i].tick_values &&
@@ -175,7 +187,12 @@ class SessionRecorder::File {
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       const Column& c = columns_[i];
       double* v = values_[i].data();
-      c.row_values ? c.row_values(tick.row, v) : c.tick_values(tick, v);
+      if (c.row_values)
+        c.row_values(tick.row, v);
+      else if (c.tick_values)
+        c.tick_values(tick, v);
+      else
+        get_body_areas(tick.row, bodies_, v);
       good = make_readable(v, c.width, c.quaternion) && good;
     }
     if (!good) values_[flags_][0] = tick.flags | kForceNotFinite;
@@ -275,6 +292,7 @@ class SessionRecorder::File {
   std::vector<std::size_t> events_;    // columns; none of a session that nobody controls
   std::deque<SessionEvent> happened_;  // and aren't in the file yet
   std::vector<Column> columns_;
+  std::vector<Body> bodies_;
   std::vector<std::array<double, kMostWidth>> values_;  // of one tick, by column
   std::size_t flags_ = 0;
   double last_time_ = -std::numeric_limits<double>::infinity();

@@ -40,6 +40,8 @@ constexpr const char* kSchemaKey = "toothprep_schema";
 constexpr const char* kVersionKey = "toothprep_schema_version";
 constexpr const char* kVoxelKey = "voxel_mm";
 constexpr const char* kHashKey = "tooth_sha256";
+constexpr const char* kBodiesKey = "bodies";  // the list: "36:tooth,37:neighbour"
+constexpr const char* kBodyGrid = "body";
 constexpr const char* kVolumePrefix = "volume_mm3_";
 constexpr std::array<const char*, 6> kLevelSetNames = {"solid", "enamel", "dentin",
                                                        "pulp",  "intact", "cut"};
@@ -164,10 +166,26 @@ openvdb::MetaMap file_metadata(const LayeredTooth& tooth) {
   put(kVersionKey, openvdb::Int32Metadata(kToothSchemaVersion));
   put(kVoxelKey, openvdb::DoubleMetadata(tooth.lattice.voxel));
   put(kHashKey, openvdb::StringMetadata(tooth_sha256(tooth)));
+  if (tooth.bodies) put(kBodiesKey, openvdb::StringMetadata(bodies_text(tooth.bodies->list)));
   const PerTissue<double> volumes = remaining_volumes_mm3(tooth);
   for (int k = 0; k < kTissueCount; ++k)
     put(kVolumePrefix + std::string(kTissueNames[k]), openvdb::DoubleMetadata(volumes[k]));
   return meta;
+}
+
+// Whose each voxel with a tissue is. (In memory the air beside is of the nearest body, too.)
+Int32Grid::Ptr body_grid(const LayeredTooth& tooth) {
+  auto grid = Int32Grid::create(0);
+  if (!tooth.bodies) return grid;
+  LabelGrid solid_only = make_body_grid(tooth.tissue, tooth.bodies->list.size());
+  std::array<std::uint8_t, kBrickVoxels> values;
+  for (std::size_t b = 0; b < solid_only.table_size(); ++b) {
+    const std::uint8_t *body = tooth.bodies->of.brick(b), *tissue = tooth.tissue.brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) values[v] = tissue[v] == 0 ? std::uint8_t{0} : body[v];
+    solid_only.set_brick(b, values.data());
+  }
+  fill_tree(*grid, solid_only, [](std::uint8_t v) { return v != 0; });
+  return grid;
 }
 
 // The archive goes to memory first: its id is derived from its bytes, and openvdb::io::File would
@@ -554,6 +572,44 @@ void check_parts(const std::string& path, const LayeredTooth& tooth) {
   }
 }
 
+// The list of bodies and whose each voxel is, of a file that has both.
+void read_bodies(const std::string& path, const Archive& archive, LayeredTooth& tooth) {
+  if (!has_grid(archive, kBodyGrid)) return;
+  auto text = find_text(*archive.meta, kBodiesKey);
+  for (const auto& grid : *archive.grids)
+    if (!text && grid) text = find_text(*grid, kBodiesKey);
+  if (!text)
+    throw InputError(path, kBodiesKey, "is absent, though there is a grid 'body'",
+                     "delete the grid, or name the bodies: \"36:tooth,37:neighbour\"");
+  const Int32Grid::Ptr grid = find_grid<Int32Grid>(path, archive, kBodyGrid, "int32");
+  const Lattice own = lattice_of(path, kBodyGrid, *grid);
+  if (!(std::abs(own.voxel - tooth.lattice.voxel) <= 1e-6 * own.voxel &&
+        (own.origin - tooth.lattice.origin).cwiseAbs().maxCoeff() <= 1e-4 * own.voxel))
+    refuse_grid(path, kBodyGrid, "lies on another lattice than the grid 'tissue'",
+                "resample all grids to one transform");
+  try {
+    std::vector<Body> list = parse_bodies(*text);
+    LabelGrid of = make_body_grid(tooth.tissue, list.size());
+    const auto number = [&](openvdb::Int32 v) {
+      if (v < 0 || v > static_cast<openvdb::Int32>(list.size()))
+        refuse_grid(path, kBodyGrid,
+                    "holds the number " + std::to_string(v) + ", but the list has " +
+                        std::to_string(list.size()) + " bodies");
+      return static_cast<std::uint8_t>(v);
+    };
+    const auto numbers = [&](const openvdb::Int32* source, std::uint8_t* target) {
+      for (int v = 0; v < kBrickVoxels; ++v) target[v] = number(source[v]);
+    };
+    fill_bricks(of, *grid, numbers, number);
+    set_bodies(tooth, std::move(list), std::move(of));
+  } catch (const InputError&) {
+    throw;
+  } catch (const Error& e) {
+    throw InputError(path, kBodiesKey, e.what(),
+                     "give every voxel with a tissue a body of the list");
+  }
+}
+
 // Empties the archive's grids. `parallel`: not in a child process, which has no other threads.
 LayeredTooth tooth_of(const std::string& path, const Archive& archive, bool parallel) {
   check_schema(path, archive);
@@ -603,8 +659,10 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive, bool para
         [&](float v) { return distances.tile(v); });
   });
   check_parts(path, tooth);
+  read_bodies(path, archive, tooth);
 
-  static const std::set<std::string> kOwn = {kSchemaKey, kVersionKey, kVoxelKey, kHashKey};
+  static const std::set<std::string> kOwn = {kSchemaKey, kVersionKey, kVoxelKey, kHashKey,
+                                             kBodiesKey};
   for (auto it = archive.meta->beginMeta(); it != archive.meta->endMeta(); ++it)
     if (!kOwn.count(it->first) && it->first.rfind(kVolumePrefix, 0) != 0 && it->second)
       tooth.provenance[it->first] = it->second->str();
@@ -676,6 +734,12 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
     level_sets[k]->setGridClass(openvdb::GRID_LEVEL_SET);
     describe(*level_sets[k], kLevelSetNames[k], tooth);
     grids.push_back(level_sets[k]);
+  }
+  const Int32Grid::Ptr body = body_grid(tooth);
+  if (tooth.bodies) {
+    describe(*body, kBodyGrid, tooth);
+    body->insertMeta(kBodiesKey, openvdb::StringMetadata(bodies_text(tooth.bodies->list)));
+    grids.push_back(body);
   }
   openvdb::MetaMap meta;
   tbb::parallel_for(0, 2 + level_sets_of(tooth), [&](int job) {

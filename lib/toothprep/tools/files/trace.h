@@ -7,6 +7,7 @@
 
 #include "toothprep/step/core/session_event.h"
 #include "toothprep/step/core/step_record.h"
+#include "toothprep/step/tooth/tooth_bodies.h"
 #include "toothprep/tools/io/read_policy.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
@@ -31,6 +32,8 @@ struct Trace {                       // a trace file in memory
   std::vector<Vec3> measured_force;  // N; empty or one per row
   SessionEvents events;              // what was done to a live session; then schema_version is 2
   bool unfinished = false;           // a live recording that was not closed: killed, or it runs
+  // Of a tooth with several; then there is /contact/body_area, a column each.
+  std::vector<Body> bodies;
   // More than 1: of the run's rows it holds every such one, the last, and those with events.
   std::size_t rows_every = 1;
 };

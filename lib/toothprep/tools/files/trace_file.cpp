@@ -5,6 +5,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/parameters.h"
+#include "toothprep/tools/files/body_columns.h"
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/files/trace_columns.h"
 #include "toothprep/tools/files/trace_parts.h"
@@ -96,6 +97,25 @@ void write_events(h5::Writer& out, const SessionEvents& all) {
     }
     out.dataset(column.dataset, column.unit, values, column.width, column.storage);
   }
+}
+
+std::vector<Body> bodies_of(const Reader& in) {
+  const auto text = in.text(kBodyNames);
+  if (!text || text->empty()) return {};
+  try {
+    return parse_bodies(*text);
+  } catch (const Error& e) {
+    in.refuse(std::string("attribute ") + kBodyNames, h5::printable(e.what()));
+  }
+}
+
+void read_body_areas(Reader& in, Trace& trace) {
+  if (trace.bodies.empty() || !in.has(kBodyAreaName)) return;
+  const auto width = trace.bodies.size();
+  const std::vector<double> values =
+      in.read(in.open(kBodyAreaName, "mm^2", static_cast<int>(width), false));
+  for (std::size_t i = 0; i < trace.rows.size(); ++i)
+    set_body_areas(trace.rows[i], trace.bodies, values.data() + i * width);
 }
 
 bool is_quantity_that_needs_its_unit(const std::string& dataset) {
@@ -206,7 +226,8 @@ Trace parse_trace(Reader& in) {
   trace.engine = in.text("engine").value_or("");
   trace.initial_overlap_mm3 = in.number("initial_overlap_mm3").value_or(0.0);
 
-  std::vector<std::string> names = {kMeasured, kApplied};
+  trace.bodies = bodies_of(in);
+  std::vector<std::string> names = {kMeasured, kApplied, kBodyAreaName};
   for (const TraceColumn& column : trace_columns()) names.emplace_back(column.dataset);
   in.cut_to_shortest(names);
   // Shapes, types and units of all before the rows are allocated.
@@ -240,6 +261,7 @@ Trace parse_trace(Reader& in) {
       column->set(trace.rows[i], row.data());
     }
   }
+  read_body_areas(in, trace);
   trace.measured_force = forces(in, kMeasured);
   const std::vector<Vec3> load = forces(in, kApplied);
   for (std::size_t i = 0; i < load.size(); ++i) trace.rows[i].handle.load = load[i];
@@ -275,6 +297,7 @@ void write_trace_head(h5::Writer& out, const Trace& trace) {
   out.number("torque_work_mJ", trace.audit.torque_work_mj);
   out.number("removed_energy_mJ", trace.audit.removed_energy_mj);
   out.number("energy_ratio", trace.audit.energy_ratio);
+  if (!trace.bodies.empty()) out.text(kBodyNames, bodies_text(trace.bodies));
   if (trace.rows_every > 1) out.integer(kRowsEvery, static_cast<std::int64_t>(trace.rows_every));
 
   for (const char* group : {"/handle", "/bur", "/force", "/contact", "/removed"}) out.group(group);
@@ -298,6 +321,15 @@ void write_trace(const Trace& trace, const std::string& path) {
     check_finite(values, column.dataset, column.width);
     out.dataset(column.dataset, column.unit, values, column.width, column.storage,
                 column.per_tissue ? tissues : std::vector<std::string>{});
+  }
+  if (!trace.bodies.empty()) {
+    const std::size_t width = trace.bodies.size();
+    values.resize(trace.rows.size() * width);
+    for (std::size_t i = 0; i < trace.rows.size(); ++i)
+      get_body_areas(trace.rows[i], trace.bodies, values.data() + i * width);
+    check_finite(values, kBodyAreaName, static_cast<int>(width));
+    out.dataset(kBodyAreaName, "mm^2", values, static_cast<int>(width), Storage::kDouble,
+                names_of(trace.bodies), kBodyNames);
   }
   const auto write_forces = [&](const char* dataset, const auto& force) {
     values.resize(trace.rows.size() * 3);

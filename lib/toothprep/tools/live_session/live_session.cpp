@@ -97,6 +97,7 @@ LiveOutcome run_live_session(HapticDevice& device, const Bur& bur, const Layered
   header.trace.tooth_sha256 = tooth_sha256(tooth);
   header.trace.drive = name_of(settings.drive);
   header.trace.engine = name_of(settings.parameters.engine);
+  if (tooth.bodies) header.trace.bodies = tooth.bodies->list;
   describe_device(device, settings.limits, settings.readings, settings.buttons.safety_switch,
                   settings.watch, header);
   for (const NamedBur& named : settings.burs) header.trace.events.burs.push_back(named.text);

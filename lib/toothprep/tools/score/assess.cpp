@@ -12,6 +12,7 @@
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/io/label_source.h"
 #include "toothprep/tools/orientation/estimate_frame.h"
+#include "toothprep/tools/score/body_damage.h"
 
 namespace toothprep {
 namespace {
@@ -163,12 +164,15 @@ std::vector<std::string> add_process(const AssessmentOptions& options, Assessmen
       starts.push_back(append_recording(result.trace->rows, trace.rows));
       continue;
     }
-    if (!trace.tooth_sha256.empty() && trace.tooth_sha256 != tooth_sha256(result.original.tooth))
+    const std::string original =
+        result.original.bodies ? result.original.sha256 : tooth_sha256(result.original.tooth);
+    if (!trace.tooth_sha256.empty() && trace.tooth_sha256 != original)
       result.sheet.notes.push_back(file +
                                    ": was recorded on another tooth than the original given here");
     result.trace = std::move(trace);
   }
-  result.process = process_figures(result.trace->rows, options.process, starts);
+  result.process =
+      process_figures(result.trace->rows, options.process, starts, result.trace->bodies);
   quantities.insert(quantities.end(), result.process->quantities.begin(),
                     result.process->quantities.end());
   return warnings;
@@ -276,6 +280,8 @@ Compared compared(const AssessmentOptions& options) {
                       c.surface_tolerance_mm);
   c.pulp_exposed = volumes.pulp_exposed;
   add_volumes(sheet.quantities, volumes, resolution, surface_shift_mm(c, prepared));
+  add_body_damage(result.original, result.prepared, resolution, c.surface_tolerance_mm,
+                  sheet.quantities);
   if (result.target) {
     DeviationOptions deviation;
     deviation.cut_tolerance_mm =

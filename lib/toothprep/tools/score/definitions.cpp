@@ -17,6 +17,10 @@ constexpr const char* kCompare =
 constexpr const char* kSae = "as in Sci Rep 2023;13:11847 (computational geometry of preparations)";
 constexpr const char* kRecording = "the recording, by its rows";
 constexpr const char* kBuilt = "by construction";
+constexpr const char* kAnyContact =
+    "any contact counts as damage: Medeiros and Seddon, J Dent 2000";
+// In place of a member's name: whatever the tooth file calls it.
+constexpr const char* kAnyName = "NAME";
 
 // A row without its section.
 struct Row {
@@ -34,6 +38,7 @@ Names with(Names names, const std::string& name) {
 }
 
 const Names kSingle;  // not a group
+const Names kBodies = {kAnyName};
 const Names kTissues = {"enamel", "dentin", "pulp", "other"};
 // u and v: where mesial and buccal aren't known.
 const Names kSides = {"mesial", "distal",  "buccal", "lingual",
@@ -49,7 +54,9 @@ Rows volume_rows() {
   return {
       {"removed_mm3", with(kTissues, "total"), "mm^3", "removed volume",
        "Volume that the original tooth has and the prepared one has not, per tissue of the "
-       "original and in all; by partial voxels.",
+       "original and in all; by partial voxels. Of a tooth file with a list of bodies `total` is "
+       "of "
+       "the prepared tooth, `other` of the rest.",
        kBuilt},
       {"required_mm3", kSingle, "mm^3", "volume to be removed",
        "Volume that the original tooth has and the target has not.", kBuilt},
@@ -66,8 +73,23 @@ Rows volume_rows() {
        "removed: 1 when both are the same, 0 when they have nothing in common.",
        "Dice, Ecology 1945;26:297-302"},
       {"neighbour_damage_mm3", kSingle, "mm^3", "damage to the neighbouring tooth",
-       "Volume removed of what the tooth file calls `other` (a neighbouring tooth).",
-       "any contact counts as damage: Medeiros and Seddon, J Dent 2000"},
+       "Volume removed of what the tooth file calls `other` (a neighbouring tooth); where the file "
+       "has a list of bodies, of all neighbours in it.",
+       kAnyContact},
+      {"neighbour_depth_mm", kSingle, "mm", "depth of the damage to neighbouring teeth",
+       "Largest distance from the prepared surface to the original one within a neighbour; needs a "
+       "list of bodies.",
+       kAnyContact},
+      {"gum_damage_mm3", kSingle, "mm^3", "damage to the gum",
+       "Volume removed of the bodies that the tooth file calls gum.", kBuilt},
+      {"gum_depth_mm", kSingle, "mm", "depth of the damage to the gum",
+       "As of neighbouring teeth, within the gum.", kBuilt},
+      {"body_removed_mm3", kBodies, "mm^3", "removed of a body that isn't to be touched",
+       "Volume removed of each neighbour, and gum, in the tooth file's list of bodies, by its "
+       "name.",
+       kAnyContact},
+      {"body_depth_mm", kBodies, "mm", "depth of the damage to a body",
+       "Largest distance from the prepared surface to the original one within it.", kAnyContact},
   };
 }
 
@@ -354,8 +376,14 @@ Rows process_rows() {
        "Time in which the bur advanced into the pulp or removed some.", kRecording},
       {"process.neighbour_contact_s", kSingle, "s", "contact with the neighbouring tooth",
        "Time in which the bur advanced into what the tooth file calls `other`, or removed "
-       "some.",
-       "any contact counts as damage: Medeiros and Seddon, J Dent 2000"},
+       "some; where the file has a list of bodies, into a neighbour.",
+       kAnyContact},
+      {"process.body_contact_s", kBodies, "s", "contact with a body that isn't to be touched",
+       "Time in which the bur advanced into each neighbour, and gum, in the tooth file's list of "
+       "bodies.",
+       kAnyContact},
+      {"process.gum_contact_s", kSingle, "s", "contact with the gum",
+       "Time in which the bur advanced into a body that the tooth file calls gum.", kRecording},
       {"process.max_lag_mm", kSingle, "mm", "largest lag",
        "Largest distance between the handle and the bur that hangs on it.", kRecording},
       {"process.removal_rate_mm3_s", kSingle, "mm^3/s", "removal rate",
@@ -389,6 +417,9 @@ std::pair<const QuantityDefinition*, std::string> find_row(const std::string& ke
     }
     for (const std::string& member : row.members)
       if (row.key + "." + member == key) return {&row, member};
+    const std::string group = row.key + ".";
+    if (row.members[0] == kAnyName && key.size() > group.size() && key.rfind(group, 0) == 0)
+      return {&row, key.substr(group.size())};
   }
   return {nullptr, {}};
 }

@@ -77,8 +77,10 @@ namespace {
 // The sums over a recording, row by row.
 class Process {
  public:
-  Process(const StepRecord& first, const ProcessOptions& options)
+  Process(const StepRecord& first, const ProcessOptions& options, const std::vector<Body>& bodies)
       : options_(options),
+        bodies_(bodies),
+        body_time_(bodies.size(), 0.0),
         contacts_(ProcessEventKind::kContact, options.shortest_gap),
         stall_spans_(ProcessEventKind::kStall, options.shortest_gap),
         pulp_spans_(ProcessEventKind::kPulp, options.shortest_gap),
@@ -116,10 +118,22 @@ class Process {
       pulp_time_ += h;
       pulp_spans_.add(begin, end);
     }
-    if (touched[kOtherIndex]) {
+    if (bodies_.empty() ? touched[kOtherIndex] : touches_bodies(row, h)) {
       other_time_ += h;
       other_spans_.add(begin, end);
     }
+  }
+
+  // Counts the time for each body; whether a neighbour is among them.
+  bool touches_bodies(const StepRecord& row, double h) {
+    bool neighbour = false, gum = false;
+    for (const BodyArea& other : row.other_bodies) {
+      if (!(other.area > 0) || other.body == 0 || other.body > bodies_.size()) continue;
+      body_time_[other.body - 1u] += h;
+      (bodies_[other.body - 1u].kind == BodyKind::kGum ? gum : neighbour) = true;
+    }
+    if (gum) gum_time_ += h;
+    return neighbour;
   }
 
   ProcessFigures figures(double time) const {
@@ -151,6 +165,10 @@ class Process {
     put("stalled_time_s", stalled_time_);
     put("pulp_contact_s", pulp_time_);
     put("neighbour_contact_s", other_time_);
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+      if (bodies_[b].kind != BodyKind::kTooth)
+        put("body_contact_s." + bodies_[b].name, body_time_[b]);
+    if (has_gum()) put("gum_contact_s", gum_time_);
     put("max_lag_mm", lag_);
     if (cutting_time_ > 0) put("removal_rate_mm3_s", removed_total_ / cutting_time_);
     put("contact_episodes", static_cast<double>(contacts_.spans().size()));
@@ -164,6 +182,10 @@ class Process {
   }
 
  private:
+  bool has_gum() const {
+    return std::any_of(bodies_.begin(), bodies_.end(),
+                       [](const Body& b) { return b.kind == BodyKind::kGum; });
+  }
   void add_contact(const StepRecord& row, double begin, double end) {
     const double h = end - begin;
     contact_time_ += h;
@@ -177,6 +199,9 @@ class Process {
   }
 
   const ProcessOptions& options_;
+  const std::vector<Body>& bodies_;
+  std::vector<double> body_time_;  // s, of contact with each
+  double gum_time_ = 0;
   Episodes contacts_, stall_spans_, pulp_spans_, other_spans_, force_spans_;
   std::vector<WeightedValue> forces_, felt_;  // N, by the time they lasted
   double contact_time_ = 0, cutting_time_ = 0, stalled_time_ = 0, pulp_time_ = 0, other_time_ = 0;
@@ -189,9 +214,10 @@ class Process {
 }  // namespace
 
 ProcessFigures process_figures(const std::vector<StepRecord>& rows, const ProcessOptions& options,
-                               const std::vector<std::size_t>& starts) {
+                               const std::vector<std::size_t>& starts,
+                               const std::vector<Body>& bodies) {
   check(rows, options, starts);
-  Process process(rows.front(), options);
+  Process process(rows.front(), options, bodies);
   for (std::size_t i = 1; i < rows.size(); ++i)
     if (!is_start(starts, i)) process.add(rows[i - 1], rows[i]);
   return process.figures(rows.back().handle.time - rows.front().handle.time);

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "toothprep/step/core/step_record.h"
+#include "toothprep/step/tooth/tooth_bodies.h"
 #include "toothprep/tools/preparation/quantity.h"
 
 namespace toothprep {
@@ -47,10 +48,12 @@ struct ProcessFigures {              // of a recording
 
 // Throws Error for fewer than two rows, times that don't increase, or limits that are not finite
 // and above 0.
-// `starts`: indices at which another recording begins, whose first row is no step.
+// `starts`: indices at which another recording begins, whose first row is no step. `bodies`: of the
+// recording; then contact with neighbours and gum is that of the bodies, by the rows' areas.
 [[nodiscard]] ProcessFigures process_figures(const std::vector<StepRecord>& rows,
                                              const ProcessOptions& options,
-                                             const std::vector<std::size_t>& starts = {});
+                                             const std::vector<std::size_t>& starts = {},
+                                             const std::vector<Body>& bodies = {});
 
 // Appends a recording made after those before it: its time goes on where theirs ends, and so does
 // the removed volume. Returns the index of its first row.

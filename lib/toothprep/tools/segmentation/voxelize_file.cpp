@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/tooth/combine_teeth.h"
 #include "toothprep/tools/segmentation/crop.h"
 
 namespace toothprep {
@@ -24,13 +25,37 @@ struct Stopper {
   ~Stopper() { stop = true; }
 };
 
+// Each body by itself, laid side by side.
+LayeredTooth voxelize_bodies(const ImageVolume<std::uint16_t>& labels, const ScanJob& job,
+                             VoxelizeReport& report) {
+  std::vector<LayeredTooth> teeth;
+  std::vector<Body> list;
+  VoxelizeOptions how = job.how;
+  for (const BodyLabels& body : job.bodies) {
+    std::map<std::uint16_t, Tissue> tissues;
+    for (const std::uint16_t value : body.values) tissues[value] = job.tissues.at(value);
+    if (job.how.progress)
+      how.progress = [&](const std::string& stage, double done) {
+        job.how.progress(body.body.name + ": " + stage, (static_cast<double>(list.size()) + done) /
+                                                            static_cast<double>(job.bodies.size()));
+      };
+    VoxelizeReport own;
+    teeth.push_back(voxelize_labels(labels, tissues, how, &own));
+    report.notes.insert(report.notes.end(), own.notes.begin(), own.notes.end());
+    list.push_back(body.body);
+  }
+  return combine_teeth(teeth, list);
+}
+
 VoxelizedScan voxelized(const ScanJob& job, std::unique_ptr<ScanSource> scan) {
   VoxelizedScan result;
   if (job.tissues.empty()) {
     result.tooth = voxelize_scan(*scan, job.how, &result.report);
   } else {
     const ImageVolume<std::uint16_t> labels = read_labels(*scan);
-    result.tooth = voxelize_labels(labels, job.tissues, job.how, &result.report);
+    result.tooth = job.bodies.empty()
+                       ? voxelize_labels(labels, job.tissues, job.how, &result.report)
+                       : voxelize_bodies(labels, job, result.report);
     const std::vector<std::string> of_scan = scan->notes();
     result.report.notes.insert(result.report.notes.begin(), of_scan.begin(), of_scan.end());
   }

@@ -5,18 +5,28 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "toothprep/step/tooth/tooth_bodies.h"
 #include "toothprep/tools/scan_files/image_file.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 
 namespace toothprep {
+
+struct BodyLabels {  // which values of a segmentation are one body's
+  Body body;
+  std::vector<std::uint16_t> values;
+};
 
 struct ScanJob {                            // what the options of `toothprep voxelize` say
   std::string path;                         // a file, or a folder with a DICOM series
   ScanReadOptions reading;                  // `labels` follows from the map below
   std::optional<Box> roi;                   // mm, W: only this part of the scan
   std::map<std::uint16_t, Tissue> tissues;  // of label values; empty for a grey scan
-  VoxelizeOptions how;                      // grey scans: thresholds, which tooth
+  // Of a segmentation of several teeth, each a body of its own; empty: all values are one tooth's.
+  // Every value of `tissues` is in one of them, and one of them is the tooth that is prepared.
+  std::vector<BodyLabels> bodies;
+  VoxelizeOptions how;  // grey scans: thresholds, which tooth
 };
 
 struct VoxelizedScan {  // what came out

@@ -63,6 +63,13 @@ struct SoundShell {                  // without faults
     const std::vector<std::pair<Tissue, std::string>>& files, const ShellReading& how,
     const ShellOptions& options, std::vector<std::string>& notes);
 
+// The same of several teeth: the files of each body make a tooth (`parts[i]` is the body's of the
+// list), laid side by side.
+[[nodiscard]] LayeredTooth voxelize_shell_bodies(
+    const std::vector<Body>& list,
+    const std::vector<std::vector<std::pair<Tissue, std::string>>>& parts, const ShellReading& how,
+    const ShellOptions& options, std::vector<std::string>& notes);
+
 // The tooth of one file without layers, by enamel_model(); provenance likewise, and enamel_model_mm.
 [[nodiscard]] LayeredTooth voxelize_bare_shell(const std::string& file, double enamel_mm,
                                                const ShellReading& how, const ShellOptions& options,

@@ -6,6 +6,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/step/tooth/combine_teeth.h"
 #include "toothprep/tools/shells/closing.h"
 #include "toothprep/tools/shells/shell_topology.h"
 
@@ -168,6 +169,26 @@ LayeredTooth voxelize_shell_files(const std::vector<std::pair<Tissue, std::strin
     paths.push_back(file);
   }
   LayeredTooth tooth = voxelize_shells(shells, options, &notes);
+  tooth.provenance["source"] = joined(names, ", ");
+  tooth.provenance["source_sha256"] = sha256_of_all(paths);
+  return tooth;
+}
+
+LayeredTooth voxelize_shell_bodies(
+    const std::vector<Body>& list,
+    const std::vector<std::vector<std::pair<Tissue, std::string>>>& parts, const ShellReading& how,
+    const ShellOptions& options, std::vector<std::string>& notes) {
+  check_bodies(list);
+  std::vector<LayeredTooth> teeth;
+  std::vector<std::string> names, paths;
+  for (const auto& files : parts) {
+    teeth.push_back(voxelize_shell_files(files, how, options, notes));
+    for (const auto& [tissue, file] : files) {
+      names.push_back(name_of(file));
+      paths.push_back(file);
+    }
+  }
+  LayeredTooth tooth = combine_teeth(teeth, list);
   tooth.provenance["source"] = joined(names, ", ");
   tooth.provenance["source_sha256"] = sha256_of_all(paths);
   return tooth;
