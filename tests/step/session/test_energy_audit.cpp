@@ -9,7 +9,7 @@
 namespace toothprep::testing {
 namespace {
 
-constexpr double kAuditTolerance = 0.03;
+constexpr double kAuditTolerance = 0.01;
 
 void expect_audit(const char* what, const Bur& bur, const std::vector<HandleSample>& path,
                   const LayeredTooth& tooth, Drive drive = Drive::kDirect,

@@ -126,32 +126,42 @@ double Removal::displacement(const Pose& from, const Pose& to) const noexcept {
 
 void Removal::add_waypoint(const Pose& pose) noexcept {
   const bool jump = std::exchange(resumes_, false);
-  if (!jump && displacement(way_.empty() ? last_ : way_.back().pose, pose) == 0) return;
-  // The latest is moved on as long as it is near to the one before, or there is no place for more.
+  const double step = displacement(way_.empty() ? last_ : way_.back().pose, pose);
+  if (!jump && step == 0) return;
+  // The latest is moved on as long as it is near to the one before and the way hardly winds; or if
+  // there is no place for more. A way of length l between places at distance c is nowhere farther
+  // than sqrt(l² - c²)/2 from the line between them. What goes aside for less than a voxel and comes
+  // back was ground too: were it not cut, it would be ground anew each time.
   const auto moves_on = [&] {
     if (jump || way_.empty() || way_.back().jump) return false;
-    const Pose& before = way_.size() > 1 ? way_[way_.size() - 2].pose : last_;
-    return way_.size() == way_.capacity() ||
-           displacement(before, pose) <= kSubPoseVoxels * due_distance_;
+    if (way_.size() == way_.capacity()) return true;
+    const double chord = displacement(way_.size() > 1 ? way_[way_.size() - 2].pose : last_, pose);
+    const double length = way_.back().length + step, aside = 2 * kStraight * due_distance_;
+    return chord <= kSubPoseVoxels * due_distance_ &&
+           length * length - chord * chord <= aside * aside;
   };
   if (moves_on()) {
     way_.back().pose = pose;
+    way_.back().length += step;
     return;
   }
   if (way_.size() == way_.capacity()) {
     carve_all();
     plan();
   }
-  way_.push_back({pose, jump});
+  way_.push_back({pose, jump, step});
 }
 
 // After a voxel of way, however it winds; and of what is left before a pause.
 bool Removal::cut_is_due() const noexcept {
   if (way_.empty()) return false;
   if (way_.size() >= kDueWaypoints) return true;
-  for (const Waypoint& w : way_)
+  double length = 0;
+  for (const Waypoint& w : way_) {
     if (w.jump) return true;
-  return displacement(last_, way_.back().pose) >= due_distance_;
+    length += w.length;
+  }
+  return length >= due_distance_;
 }
 
 // A cut of the way as far as the next jump, or as it is straight: the longest part by halving.
@@ -526,7 +536,7 @@ void Removal::count_removed(std::size_t brick, const UnderWay& b) noexcept {
 PerTissue<double> Removal::clear(const Pose& pose) {
   const PerTissue<double> before = removed_;
   last_ = carved_at_ = pose;
-  way_.assign(1, {pose, false});
+  way_.assign(1, {pose, false, 0});
   plan();
   carve_all();
   PerTissue<double> volume{};

@@ -54,6 +54,7 @@ class Removal {
   struct Waypoint {
     Pose pose;
     bool jump;
+    double length;  // mm, of the way from the one before
   };
   // A brick being carved, by blocks of 4³ voxels.
   struct UnderWay {
