@@ -6,8 +6,9 @@
 
 namespace toothprep {
 
-constexpr int kMostNeighbours = 13;
+constexpr int kMostNeighbours = 13;  // with the prepared tooth a whole lower arch
 
+// Which teeth make_arch() makes.
 struct ArchOptions {
   MolarOptions tooth;  // 36, the one that is prepared; it stands where make_molar() has it
   // How many of 37, 35, 34, 33, 32, 31, 41, 42, ... 47, in this order, stand beside it. Molars and

@@ -13,6 +13,7 @@
 
 namespace toothprep {
 
+// What was removed of each body beside the prepared tooth, and which bricks hold such bodies.
 class WorkpieceBodies {
  public:
   // Keeps a reference to a tooth that has bodies.

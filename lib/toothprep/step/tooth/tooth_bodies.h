@@ -24,14 +24,16 @@ enum class BodyKind : std::uint8_t {
 constexpr std::array<std::string_view, 3> kBodyKindNames = {"tooth", "neighbour",
                                                             "gum"};  // in that order
 
+// A tooth or the gum, of several on one lattice.
 struct Body {
   std::string name;                  // "36": printable ASCII without blanks and , : = . "
   BodyKind kind = BodyKind::kTooth;  // what it is to the work
-  bool operator==(const Body&) const = default;
+  bool operator==(const Body&) const = default;  // name and kind
 };
 
 constexpr std::size_t kMostBodies = 64;  // of a tooth file
 
+// The bodies of a lattice, and which voxels are whose.
 struct ToothBodies {
   std::vector<Body> list;  // one of them is the tooth that is prepared
   // Of each voxel with a tissue 1 + the place in the list of its body. Air within two voxels of a

@@ -10,6 +10,7 @@
 
 namespace toothprep {
 
+// Edges that are one kind of line.
 struct NamedLines {
   std::string name;                                 // a word
   std::vector<std::array<std::uint32_t, 2>> edges;  // of a mesh

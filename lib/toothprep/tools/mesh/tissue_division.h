@@ -24,8 +24,8 @@ void divide_by_tissue(SharpSurface& surface, const LayeredTooth& tooth);
 // The surface of what remains, as sharp as the tooth allows (sharpest_surface()), divided.
 [[nodiscard]] SharpSurface surface_by_tissue(const LayeredTooth& tooth);
 
-struct TissueBorder {  // between two tissues
-  std::array<Tissue, 2> between;
+struct TissueBorder {                               // between two tissues
+  std::array<Tissue, 2> between;                    // the lower label first
   std::vector<std::array<std::uint32_t, 2>> edges;  // of the mesh, ascending
 };
 

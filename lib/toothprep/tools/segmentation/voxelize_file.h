@@ -13,9 +13,9 @@
 
 namespace toothprep {
 
-struct BodyLabels {  // which values of a segmentation are one body's
-  Body body;
-  std::vector<std::uint16_t> values;
+struct BodyLabels {                   // which values of a segmentation are one body's
+  Body body;                          // name and kind
+  std::vector<std::uint16_t> values;  // in the segmentation
 };
 
 struct ScanJob {                            // what the options of `toothprep voxelize` say
