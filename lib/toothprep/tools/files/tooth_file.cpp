@@ -310,7 +310,7 @@ class ArchiveReader : public openvdb::io::Archive {
   openvdb::GridBase::Ptr read(int n) {  // once
     for (int g = 0;; ++g) {
       openvdb::io::GridDescriptor descriptor;
-      const openvdb::GridBase::Ptr grid = descriptor.read(stream_);
+      openvdb::GridBase::Ptr grid = descriptor.read(stream_);
       if (g == n) {
         readGrid(grid, descriptor, stream_);
         return grid;
