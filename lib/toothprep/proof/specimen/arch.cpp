@@ -228,7 +228,7 @@ class Arch {
 };
 
 // Away from a surface f/|grad f| is not a bound of the distance, hence a factor (molar.cpp).
-constexpr double kCaution = 2.0;
+constexpr double kSlopeCaution = 2.0;
 
 bool far_from_surfaces(const ToothSample& s, double far) {
   return std::abs(s.solid) > far &&
@@ -253,7 +253,7 @@ LayeredTooth make_arch(const ArchOptions& o) {
   const Index3 lower = lattice.to_index(box.min).array().floor().matrix().cast<int>();
   const Index3 upper = lattice.to_index(box.max).array().ceil().matrix().cast<int>();
   const double half = voxel * (kBrickEdge - 1) / 2.0;
-  const double far = kCaution * half * std::sqrt(3.0) + kBandVoxels * voxel;
+  const double far = kSlopeCaution * half * std::sqrt(3.0) + kBandVoxels * voxel;
 
   LabelGrid of = make_body_grid(make_empty_tooth(lattice, lower, upper).tissue, arch.list().size());
   std::mutex insert;
