@@ -303,32 +303,33 @@ void ContactModel::look(const Scan& scan, int i) noexcept {
   const std::int64_t brick = workpiece.cut().brick_index(cell.x(), cell.y(), cell.z());
   if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) return;
   const FieldSample cut = field_at(workpiece.cut(), f.base, at);
+  const float value = at_surface(cut, ahead);
   const HalfRanges ranges(e, i, f.gradient(cut));
   const float extent = ranges.extent();
   // A wall may bend towards the element's corners.
   const float clear_of = extent + sag_of(e, i);
-  left_[i] = kStands * (cut.value - clear_of);
-  if (cut.value >= clear_of) return;
+  left_[i] = kStands * (value - clear_of);
+  if (value >= clear_of) return;
 
   float left = look_for_tissue(scan, i, cell, at, ahead, s);
   if (left < 0) {  // in air
     left_[i] = -left;
     return;
   }
-  s.share = share_inside(cut.value, extent);
+  s.share = share_inside(value, extent);
   s.strips = e.curvature_along[i] == 0 && ranges.along < kAlongWall * e.half_around[i];
   s.found = Found::kCrossed;
   left = std::min(left, kCrossedStanding * voxel);
   // A distance changes by no more than the way: where the nearest wall is farther than a corner
   // there is none. Else the bur's own last cut may hide one, which it doesn't farther ahead.
-  float clear = -cut.value - corner_[i];
-  if (cut.value <= -extent && clear < 0) {
+  float clear = -value - corner_[i];
+  if (value <= -extent && clear < 0) {
     const FieldSample farther = field_at(
         workpiece.cut(), f.base, at + (static_cast<float>(look_ahead_) - scan.reach) * unit);
-    clear = std::min(-extent - cut.value,
-                     -farther.value - HalfRanges(e, i, f.gradient(farther)).extent());
+    clear =
+        std::min(-extent - value, -farther.value - HalfRanges(e, i, f.gradient(farther)).extent());
   }
-  if (s.only != 0 && s.inside_tooth && cut.value <= -extent && clear >= 0) {
+  if (s.only != 0 && s.inside_tooth && value <= -extent && clear >= 0) {
     s.found = Found::kInside;
     left = std::min(left / kCrossedStanding * kMostStanding, kStands * clear);
   }

@@ -3,7 +3,8 @@
 //
 // An element is in contact where tissue is met a small reach ahead of the surface, along the element's
 // own velocity: ahead of fresh tissue that is the same as along the normal, and in a slot that is
-// passed again it stays in the void instead of touching the walls.
+// passed again it stays in the void instead of touching the walls. What is found there is taken back
+// to the surface by the gradient.
 //
 // An element that is engaged as a whole counts by Gauss points. One that a surface crosses (of the
 // tooth, of a cut, of the border of two tissues), or over which v·n changes its sign, is divided

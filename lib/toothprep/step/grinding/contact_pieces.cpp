@@ -249,9 +249,14 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   const float wall = kWall * voxel * voxel * (ka + kt);
   const LevelSet& cut = scan.workpiece.cut();
 
+  // As it is at the surface: a wall that was ground before counts no earlier than it is reached.
+  const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
   const Fields here = s.sample(cut, scan.frame);
+  const Float4 surface =
+      here.value + wall -
+      (scan.reach * per_speed) * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
   const CoveredPart<Float4> near =
-      covered_part<Float4>(here.value + wall, (here.gx * lx + here.gy * ly + here.gz * lz) * along,
+      covered_part<Float4>(surface, (here.gx * lx + here.gy * ly + here.gz * lz) * along,
                            (here.gx * tx + here.gy * ty) * around);
   s.share = s.live ? near.share : Float4{};
   s.x = near.x, s.y = near.y;
@@ -259,8 +264,7 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   if ((s.live[0] | s.live[1] | s.live[2] | s.live[3]) == 0) return;
 
   // The same farther ahead; the cells of the samples at the surface stay.
-  const float look = static_cast<float>(look_ahead_) - scan.reach;
-  const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
+  const float look_ahead = static_cast<float>(look_ahead_), look = look_ahead - scan.reach;
   Lanes farther = s;
   farther.ix += look * s.unit.x(), farther.iy += look * s.unit.y();
   farther.iz += look * s.unit.z();
@@ -269,7 +273,7 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   const Fields there = farther.sample(cut, scan.frame);
   const Float4 value = farther.live ? there.value + wall : all4(-1e3f);
   const Float4 back =
-      value - (look * per_speed) * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
+      value - (look_ahead * per_speed) * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
   const Float4 range_along = (there.gx * lx + there.gy * ly + there.gz * lz) * along,
                range_around = (there.gx * tx + there.gy * ty) * around;
   // How much the surface is curved along the motion.
@@ -278,7 +282,7 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
   const Float4 fresh = (kFresh * 0.5f * look * look) * bend,
                stands_out = all4(kWallAtMost * voxel * voxel * (ka + kt));
-  const Float4 hidden = least(least(value, back), here.value + wall);
+  const Float4 hidden = least(least(value, back), surface);
   const Int4 parallel = s.advance < kParallel * s.speed;
   const CoveredPart<Float4> far =
       covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,

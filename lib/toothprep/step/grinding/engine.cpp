@@ -10,7 +10,7 @@
 namespace toothprep {
 namespace {
 
-constexpr double kReachVoxels = 0.1;  // contact is looked for this far ahead of the surface
+constexpr double kReachVoxels = 0.1;  // contact is looked up this far ahead of the surface
 
 class LevelsetEngine final : public GrindingEngine {
  public:

@@ -31,8 +31,10 @@ constexpr float kSurface = 0.501f;  // voxels: a voxel that is nearer to a surfa
 constexpr float kRoot3 = 1.7320509f;
 constexpr double kHalfBlock =
     0.5 * (kBlockEdge - 1) * kRoot3;  // voxels, from its middle to a corner
-// A sweep is taken for a translation if no point of the head leaves its chord by more than this.
+// A sweep is taken for a translation if no point of the head leaves its chord by more than this,
 constexpr double kStraight = 0.05;  // voxels
+// nor goes farther than its ends: what was ground beyond them and left would be ground each time.
+constexpr double kBeyondEnds = 0.01;  // voxels
 // A cut is carved in proportion to the way, a little ahead of the next one's being due. At once it
 // would come too near to the surface: a wall that is nearer than most of a voxel disturbs what is
 // read there, so that a slow bur would have felt less than a fast one.
@@ -135,9 +137,12 @@ void Removal::add_waypoint(const Pose& pose) noexcept {
   const auto moves_on = [&] {
     if (jump || way_.empty() || way_.back().jump) return false;
     if (way_.size() == way_.capacity()) return true;
-    const double chord = displacement(way_.size() > 1 ? way_[way_.size() - 2].pose : last_, pose);
+    const Pose& before = way_.size() > 1 ? way_[way_.size() - 2].pose : last_;
+    const double chord = displacement(before, pose);
     const double length = way_.back().length + step, aside = 2 * kStraight * due_distance_;
+    const double farthest = displacement(before, way_.back().pose);
     return chord <= kSubPoseVoxels * due_distance_ &&
+           chord >= farthest - kBeyondEnds * due_distance_ &&
            length * length - chord * chord <= aside * aside;
   };
   if (moves_on()) {
@@ -229,20 +234,20 @@ void Removal::plan_sides(const Pose& from, const Pose& to) noexcept {
 }
 
 // Whether the sweep is a translation along a line: nowhere further off it than a small part of a
-// voxel, and never back.
+// voxel, and not beyond its ends.
 bool Removal::is_straight(std::size_t waypoints) const noexcept {
   const Pose& end = way_[waypoints - 1].pose;
   const double limit = kStraight * workpiece_.voxel();
   const double turn = last_.orientation.angularDistance(end.orientation);
   if (turn * turn / 8 * bur_.head_length() > limit) return false;
   const Vec3 chord = end.position - last_.position;
-  const Vec3 along = chord.norm() > 0 ? Vec3(chord.normalized()) : Vec3::Zero();
-  double reached = 0;
+  const double length = chord.norm(), beyond = kBeyondEnds * workpiece_.voxel();
+  const Vec3 along = length > 0 ? Vec3(chord / length) : Vec3::Zero();
   for (std::size_t i = 0; i < waypoints; ++i) {
     const Vec3 from_start = way_[i].pose.position - last_.position;
     const double here = along.dot(from_start);
-    if (here < reached - limit || (from_start - here * along).norm() > limit) return false;
-    reached = here;
+    if (here < -beyond || here > length + beyond) return false;
+    if ((from_start - here * along).norm() > limit) return false;
   }
   return true;
 }
