@@ -145,6 +145,44 @@ TEST(BrickGrid, CopiesShareNothing) {
   EXPECT_EQ(moved.value(8, 2, 9), 6.0F);
 }
 
+TEST(BrickGrid, FrozenBricksAreSharedUntilOneWrites) {
+  Grid grid = small_grid();
+  write(grid, 1, 2, 9, 4.0F);
+  write(grid, 8, 2, 9, 3.0F);
+  const auto first = static_cast<std::size_t>(grid.brick_index(1, 2, 9)),
+             second = static_cast<std::size_t>(grid.brick_index(8, 2, 9));
+  const std::size_t bytes = grid.memory_bytes();
+  grid.freeze();
+  EXPECT_EQ(grid.bricks_stored(), 2u);
+  EXPECT_LE(grid.memory_bytes() + grid.shared_bytes(), bytes + 3 * kBrickVoxels * sizeof(float));
+
+  Grid copy = grid, equal = small_grid(), other = small_grid();
+  write(other, 1, 2, 9, 4.0F);
+  EXPECT_EQ(copy.shared_storage(), grid.shared_storage());
+  EXPECT_FALSE(equal.share_brick(first, other));  // not frozen
+  other.freeze();
+  EXPECT_TRUE(equal.share_brick(first, grid));
+  EXPECT_FALSE(equal.share_brick(first, other));  // another's storage
+  EXPECT_FALSE(equal.share_brick(0, grid));       // uniform
+  EXPECT_EQ(equal.bricks_stored(), 1u);
+  EXPECT_EQ(equal.value(1, 2, 9), 4.0F);
+  EXPECT_EQ(equal.brick(first), grid.brick(first));
+
+  write(copy, 1, 2, 9, 5.0F);
+  EXPECT_FALSE(copy.is_shared(first));
+  EXPECT_FALSE(grid.share_brick(first, copy));  // has been written
+  copy.set_uniform(second, 7.0F);
+  EXPECT_EQ(copy.bricks_stored(), 1u);
+  EXPECT_EQ(grid.value(1, 2, 9), 4.0F);
+  EXPECT_EQ(grid.value(8, 2, 9), 3.0F);
+  EXPECT_EQ(copy.value(1, 2, 9), 5.0F);
+  EXPECT_EQ(copy.value(8, 2, 9), 7.0F);
+  grid.put_constant(first, 0);
+  EXPECT_EQ(equal.value(1, 2, 9), 4.0F);
+  grid = Grid();  // the storage stays as long as somebody refers to it
+  EXPECT_EQ(equal.value(1, 2, 9), 4.0F);
+}
+
 TEST(BrickGrid, MemoryGrowsByWholeBricks) {
   Grid grid = small_grid();
   const std::size_t before = grid.memory_bytes();

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -129,6 +130,35 @@ TEST_F(ToothFile, UniformBricksNeedNoStorageAfterReading) {
   const LayeredTooth tooth = make_block(o);
   write_tooth(tooth, path("a.vdb"));
   EXPECT_EQ(read_tooth(path("a.vdb")).solid.bricks_stored(), tooth.solid.bricks_stored());
+}
+
+// At the tooth's surface a tissue's level set is the solid's.
+TEST_F(ToothFile, BricksThatATissueHasInCommonWithTheSolidAreStoredOnce) {
+  const LayeredTooth tooth = small_block();
+  write_tooth(tooth, path("a.vdb"));
+  LayeredTooth again = read_tooth(path("a.vdb"));
+  std::size_t common = 0, written = 0;
+  for (std::size_t b = 0; b < again.solid.table_size(); ++b)
+    for (const LevelSet& remains : again.remains) {
+      if (again.solid.is_uniform(b) || remains.is_uniform(b) ||
+          std::memcmp(remains.brick(b), again.solid.brick(b), sizeof(float) * kBrickVoxels) != 0)
+        continue;
+      EXPECT_EQ(remains.brick(b), again.solid.brick(b));
+      ++common, written = b;
+    }
+  ASSERT_GT(common, 0u);
+  // Constants are there twice; the box may be another.
+  const auto tables = [](const LayeredTooth& t) { return 5 * 4 * t.solid.table_size(); };
+  EXPECT_EQ(memory_bytes(again) - tables(again) + common * sizeof(float) * kBrickVoxels,
+            memory_bytes(tooth) - tables(tooth) + kBrickVoxels * (2 * sizeof(float) + 5));
+
+  const std::string sha256 = tooth_sha256(again);
+  LayeredTooth copy = again;
+  std::fill_n(copy.solid.writable_brick(written), kBrickVoxels, 0.0F);
+  EXPECT_NE(tooth_sha256(copy), sha256);
+  EXPECT_EQ(tooth_sha256(again), sha256);
+  copy.solid = again.solid;
+  EXPECT_EQ(tooth_sha256(copy), sha256);
 }
 
 TEST_F(ToothFile, CarvedAwayTeethKeepTheirAnatomy) {

@@ -7,6 +7,10 @@
 // reserve() before a session, and the step never allocates. The pool's memory is committed by the
 // system when it is first touched, so a generous reserve costs address space only.
 //
+// A grid that is frozen shares its bricks with its copies, and with grids that are equal to it in
+// places (most of enamel's bricks at the surface are the solid's). Who writes into such a brick
+// gets one of its own first.
+//
 // Why not OpenVDB in the step: tests/step/tooth/bench_brick_grid.cpp measures both for the trilinear
 // look-up of the step; the figures stand in this folder's README.
 #pragma once
@@ -50,12 +54,15 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
     fill_brick(0, background);
     for (std::uint32_t c = 1; c < constants_; ++c) fill_brick(c, constants[c - 1]);
   }
-  BrickGrid(const BrickGrid& o)  // copies the stored bricks; free ones are not reserved anew
+  // Copies the stored bricks but for shared ones; free ones are not reserved anew.
+  BrickGrid(const BrickGrid& o)
       : first_(o.first_),
         counts_(o.counts_),
         constants_(o.constants_),
+        shared_(o.shared_),
         top_(o.top_),
-        spare_(o.spare_) {
+        spare_(o.spare_),
+        common_(o.common_) {
     if (o.capacity_ == 0) return;
     grow(o.used_);
     used_ = o.used_;
@@ -95,15 +102,18 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
 
   [[nodiscard]] const T* brick(
       std::size_t index) const {  // 512 values, offset as in brick_offset()
-    return pool_.get() + static_cast<std::size_t>(top_[index]) * kBrickVoxels;
+    const std::uint32_t place = top_[index];
+    return (place & kShared ? common_.bricks.get() : pool_.get()) +
+           static_cast<std::size_t>(place & ~kShared) * kBrickVoxels;
   }
   bool is_uniform(std::size_t index) const { return top_[index] < constants_; }  // not stored
   T uniform_value(std::size_t index) const { return *brick(index); }             // of such a brick
 
-  // The brick for writing; a uniform one is given storage of its own first. Never allocates while
-  // bricks_free() > 0; returns null when the pool is exhausted and `may_grow` is false.
+  // The brick for writing; a uniform or shared one is given storage of its own first. Never
+  // allocates while bricks_free() > 0; returns null when the pool is exhausted and `may_grow` is
+  // false.
   T* writable_brick(std::size_t index, bool may_grow = true) {
-    if (is_uniform(index)) {
+    if (is_uniform(index) || is_shared(index)) {
       if (bricks_free() == 0) {
         if (!may_grow) return nullptr;
         grow(capacity_ + capacity_ / 2 + 64);
@@ -128,12 +138,12 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
     return pool_.get() + static_cast<std::size_t>(used_++) * kBrickVoxels;
   }
   void put_brick(std::size_t index, const T* taken) {
-    give_back(index);
+    leave(index);
     top_[index] = static_cast<std::uint32_t>((taken - pool_.get()) / kBrickVoxels);
   }
   // As set_uniform() with constant number c of the constructor's list, giving the storage back.
   void put_constant(std::size_t index, std::uint32_t c) {
-    give_back(index);
+    leave(index);
     top_[index] = c + 1;
   }
 
@@ -141,6 +151,7 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
   void set_uniform(std::size_t index, T value) {
     for (std::uint32_t c = 0; c < constants_; ++c)
       if (pool_[static_cast<std::size_t>(c) * kBrickVoxels] == value) {
+        shared_ -= is_shared(index);
         top_[index] = c;
         return;
       }
@@ -155,14 +166,50 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
     std::memcpy(writable_brick(index), values, sizeof(T) * kBrickVoxels);
   }
 
-  std::size_t bricks_stored() const { return used_ - constants_ - spare_.size(); }  // in use
-  std::size_t bricks_free() const { return capacity_ - used_ + spare_.size(); }     // to be taken
+  // Shares the stored bricks with all copies that are made of this grid from now on. A grid that
+  // shares bricks already stays as it is.
+  void freeze() {
+    if (common_.bricks || used_ == constants_ || !spare_.empty()) return;
+    BrickGrid constants_only;
+    constants_only.grow(constants_);
+    std::memcpy(constants_only.pool_.get(), pool_.get(), sizeof(T) * kBrickVoxels * constants_);
+    grow(used_);  // no free ones
+    common_.count = used_;
+    common_.bricks = std::shared_ptr<const T>(pool_.release(), Free());
+    pool_ = std::move(constants_only.pool_);
+    shared_ = 0;
+    for (std::uint32_t& place : top_)
+      if (place >= constants_) place |= kShared, ++shared_;
+    used_ = capacity_ = constants_;
+  }
+  // Takes the brick that a frozen grid has at this index without copying it; not if it is uniform
+  // there or has been written since, or if this grid shares another's bricks. Says whether it did.
+  bool share_brick(std::size_t index, const BrickGrid& frozen) {
+    if (!frozen.is_shared(index)) return false;
+    if (common_.bricks && common_.bricks != frozen.common_.bricks) return false;
+    if (!common_.bricks) common_ = frozen.common_;
+    leave(index);
+    ++shared_;
+    top_[index] = frozen.top_[index];
+    return true;
+  }
+  bool is_shared(std::size_t index) const { return (top_[index] & kShared) != 0; }  // not its own
+
+  std::size_t bricks_stored() const {  // in use, shared ones as well
+    return used_ - constants_ - spare_.size() + shared_;
+  }
+  std::size_t bricks_free() const { return capacity_ - used_ + spare_.size(); }  // to be taken
   void reserve(std::size_t free_bricks) {  // throws std::bad_alloc
     if (bricks_free() < free_bricks) grow(used_ + free_bricks);
     spare_.reserve(capacity_);
   }
-  [[nodiscard]] std::size_t memory_bytes() const {  // of table and stored bricks
+  [[nodiscard]] std::size_t memory_bytes() const {  // of table and own bricks
     return top_.size() * sizeof(std::uint32_t) + sizeof(T) * kBrickVoxels * std::size_t{used_};
+  }
+  // Where shared bricks lie, the same for all grids that share them; null if this one doesn't.
+  const void* shared_storage() const { return common_.bricks.get(); }
+  [[nodiscard]] std::size_t shared_bytes() const {  // of that storage as a whole
+    return sizeof(T) * kBrickVoxels * std::size_t{common_.count};
   }
 
  private:
@@ -176,18 +223,28 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
     pool_.reset(static_cast<T*>(grown));
     capacity_ = static_cast<std::uint32_t>(capacity);
   }
-  void give_back(std::size_t index) {
-    if (!is_uniform(index)) spare_.push_back(top_[index]);
+  void leave(std::size_t index) {  // what stands in the table, before something else does
+    if (is_shared(index))
+      --shared_;
+    else if (!is_uniform(index))
+      spare_.push_back(top_[index]);
   }
   void fill_brick(std::uint32_t b, T value) {
     for (int v = 0; v < kBrickVoxels; ++v)
       pool_[static_cast<std::size_t>(b) * kBrickVoxels + v] = value;
   }
 
+  static constexpr std::uint32_t kShared = std::uint32_t{1} << 31;  // of places in the table
+  struct Common {  // storage that several grids refer to and none writes
+    std::shared_ptr<const T> bricks;
+    std::uint32_t count = 0;
+  };
+
   Index3 first_ = Index3::Zero(), counts_ = Index3::Zero();
-  std::uint32_t constants_ = 0, used_ = 0, capacity_ = 0;
+  std::uint32_t constants_ = 0, used_ = 0, capacity_ = 0, shared_ = 0;  // shared_: in the table
   std::vector<std::uint32_t> top_, spare_;  // spare_: slots given back, with room for all of them
   std::unique_ptr<T[], Free> pool_;
+  Common common_;
 };
 
 }  // namespace toothprep

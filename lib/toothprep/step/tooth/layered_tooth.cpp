@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <mutex>
+#include <set>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
@@ -168,11 +170,17 @@ Box bounds_of_solid(const LayeredTooth& tooth) {
     box.min = box.min.cwiseMin(centre - reach);
     box.max = box.max.cwiseMax(centre + reach);
   };
+  const Vec3 band = Vec3::Constant(tooth.band());
   for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
+    if (tooth.solid.is_uniform(b) && tooth.solid.uniform_value(b) >= 0) continue;
     const Index3 first = tooth.solid.brick_origin(b);
+    const Index3 last = first + Index3::Constant(kBrickEdge - 1);
+    if (((tooth.lattice.to_world(first) - band).array() > box.min.array()).all() &&
+        ((tooth.lattice.to_world(last) + band).array() < box.max.array()).all())
+      continue;  // well within what was found so far
     if (tooth.solid.is_uniform(b)) {
       include(first, tooth.solid.uniform_value(b));
-      include(first + Index3::Constant(kBrickEdge - 1), tooth.solid.uniform_value(b));
+      include(last, tooth.solid.uniform_value(b));
       continue;
     }
     const float* phi = tooth.solid.brick(b);
@@ -183,10 +191,17 @@ Box bounds_of_solid(const LayeredTooth& tooth) {
 }
 
 std::size_t memory_bytes(const LayeredTooth& tooth) {
-  std::size_t bytes = tooth.tissue.memory_bytes() + tooth.solid.memory_bytes();
-  for (const auto& grid : tooth.remains) bytes += grid.memory_bytes();
-  if (tooth.parts) bytes += tooth.parts->intact.memory_bytes() + tooth.parts->cut.memory_bytes();
-  if (tooth.bodies) bytes += tooth.bodies->of.memory_bytes();
+  std::size_t bytes = 0;
+  std::set<const void*> counted;  // what grids share, once
+  const auto add = [&](const auto& grid) {
+    bytes += grid.memory_bytes();
+    if (counted.insert(grid.shared_storage()).second) bytes += grid.shared_bytes();
+  };
+  add(tooth.tissue);
+  add(tooth.solid);
+  for (const auto& grid : tooth.remains) add(grid);
+  if (tooth.parts) add(tooth.parts->intact), add(tooth.parts->cut);
+  if (tooth.bodies) add(tooth.bodies->of);
   return bytes;
 }
 
@@ -227,7 +242,8 @@ void apply_remaining_solid(LayeredTooth& tooth, LevelSet solid) {
       const float* old = grid.brick(b);
       std::array<float, kBrickVoxels> next;
       for (int v = 0; v < kBrickVoxels; ++v) next[v] = std::max(old[v], s[v]);
-      grid.set_brick(b, next.data());
+      // Most bricks stay as they are, and shared.
+      if (std::memcmp(next.data(), old, sizeof next) != 0) grid.set_brick(b, next.data());
     }
   }
   tooth.solid = std::move(solid);
@@ -241,7 +257,8 @@ LevelSet carved_solid(const LevelSet& solid, const LevelSet& cut) {
     if (cut.is_uniform(b) && cut.uniform_value(b) < 0) continue;
     const float *before = solid.brick(b), *carved = cut.brick(b);
     for (int v = 0; v < kBrickVoxels; ++v) values[v] = std::max(before[v], carved[v]);
-    remaining.set_brick(b, values.data());
+    if (std::memcmp(values.data(), before, sizeof values) != 0)
+      remaining.set_brick(b, values.data());
   }
   return remaining;
 }

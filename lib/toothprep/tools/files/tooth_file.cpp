@@ -234,9 +234,61 @@ class ByteStream : public std::istream {
   Buffer buffer_;
 };
 
+// A stream over a file's bytes: reads the grids' trees, and then the voxels of one grid's leaves.
+class ArchiveReader : public openvdb::io::Archive {
+ public:
+  explicit ArchiveReader(std::string& bytes) : stream_(bytes) {
+    openvdb::io::setStreamMetadataPtr(stream_, stream_meta_, /*transfer=*/false);
+    readHeader(stream_);
+    setFormatVersion(stream_);
+    setLibraryVersion(stream_);
+    setDataCompression(stream_);
+    meta_->readMeta(stream_);
+    count_ = readGridCount(stream_);
+  }
+  openvdb::MetaMap::Ptr meta() const { return meta_; }
+  int count() const { return count_; }
+
+  // Grid n with its tree, whose leaves have no values yet; once.
+  openvdb::GridBase::Ptr read_tree(int n) {
+    for (int g = 0;; ++g) {
+      openvdb::io::GridDescriptor descriptor;
+      openvdb::GridBase::Ptr grid = descriptor.read(stream_);
+      if (g < n) {
+        descriptor.seekToEnd(stream_);
+        continue;
+      }
+      descriptor.seekToGrid(stream_);
+      readGridCompression(stream_);
+      grid->readMeta(stream_);
+      grid->readTransform(stream_);
+      grid->readTopology(stream_);
+      descriptor.seekToBlocks(stream_);
+      return grid;
+    }
+  }
+
+  // The values of that grid's next leaf, which are not kept.
+  template <class Leaf>
+  void read_values(const Leaf& leaf, typename Leaf::ValueType* values) {
+    auto mask = leaf.getValueMask();
+    mask.load(stream_);
+    openvdb::io::readCompressedValues(stream_, values, Leaf::SIZE, mask, /*fromHalf=*/false);
+  }
+
+ private:
+  // The stream keeps this pointer's address.
+  openvdb::io::StreamMetadata::Ptr stream_meta_ = std::make_shared<openvdb::io::StreamMetadata>();
+  ByteStream stream_;
+  openvdb::MetaMap::Ptr meta_ = std::make_shared<openvdb::MetaMap>();
+  int count_ = 0;
+};
+
 struct Archive {
   openvdb::MetaMap::Ptr meta;
   openvdb::GridPtrVecPtr grids;
+  // Of a file that write_tooth() wrote: what reads the values of each grid's leaves.
+  std::vector<std::unique_ptr<ArchiveReader>> readers;
 };
 
 constexpr const char* kDamaged = "is damaged or truncated";
@@ -277,7 +329,7 @@ Archive parse(const std::string& path, std::string& bytes) {
   try {
     ByteStream stream(bytes);
     const openvdb::io::Stream archive(stream, /*delayLoad=*/false);
-    Archive result{archive.getMetadata(), const_cast<openvdb::io::Stream&>(archive).getGrids()};
+    Archive result{archive.getMetadata(), const_cast<openvdb::io::Stream&>(archive).getGrids(), {}};
     if (!result.meta || !result.grids) throw InputError(path, "", kDamaged, kAgain);
     return result;
   } catch (const InputError&) {
@@ -291,41 +343,6 @@ Archive parse(const std::string& path, std::string& bytes) {
                      "the file may be damaged or hold grids of an unknown type");
   }
 }
-
-// The grids of a file with their places, each read for itself.
-class ArchiveReader : public openvdb::io::Archive {
- public:
-  explicit ArchiveReader(std::string& bytes) : stream_(bytes) {
-    openvdb::io::setStreamMetadataPtr(stream_, stream_meta_, /*transfer=*/false);
-    readHeader(stream_);
-    setFormatVersion(stream_);
-    setLibraryVersion(stream_);
-    setDataCompression(stream_);
-    meta_->readMeta(stream_);
-    count_ = readGridCount(stream_);
-  }
-  openvdb::MetaMap::Ptr meta() const { return meta_; }
-  int count() const { return count_; }
-
-  openvdb::GridBase::Ptr read(int n) {  // once
-    for (int g = 0;; ++g) {
-      openvdb::io::GridDescriptor descriptor;
-      openvdb::GridBase::Ptr grid = descriptor.read(stream_);
-      if (g == n) {
-        readGrid(grid, descriptor, stream_);
-        return grid;
-      }
-      descriptor.seekToEnd(stream_);
-    }
-  }
-
- private:
-  // The stream keeps this pointer's address.
-  openvdb::io::StreamMetadata::Ptr stream_meta_ = std::make_shared<openvdb::io::StreamMetadata>();
-  ByteStream stream_;
-  openvdb::MetaMap::Ptr meta_ = std::make_shared<openvdb::MetaMap>();
-  int count_ = 0;
-};
 
 // work(n) for 0 .. count - 1, side by side where that is allowed. What the first that fails throws
 // is thrown.
@@ -347,14 +364,19 @@ void for_each_grid(int count, bool parallel, const Work& work) {
     if (failure) std::rethrow_exception(failure);
 }
 
-// Of a file that write_tooth() wrote: the grids side by side.
+// Of a file that write_tooth() wrote: the grids side by side, without the values of leaves, which go
+// from the file to bricks one by one.
 Archive parse_ours(const std::string& path, std::string& bytes) {
   try {
-    ArchiveReader reader(bytes);
-    Archive result{reader.meta(), std::make_shared<openvdb::GridPtrVec>()};
-    result.grids->resize(static_cast<std::size_t>(std::max(0, reader.count())));
+    const ArchiveReader reader(bytes);
+    Archive result{reader.meta(), std::make_shared<openvdb::GridPtrVec>(), {}};
+    const auto count = static_cast<std::size_t>(std::max(0, reader.count()));
+    result.grids->resize(count);
+    result.readers.resize(count);
     for_each_grid(reader.count(), /*parallel=*/true, [&](int n) {
-      (*result.grids)[static_cast<std::size_t>(n)] = ArchiveReader(bytes).read(n);
+      auto& own = result.readers[static_cast<std::size_t>(n)];
+      own = std::make_unique<ArchiveReader>(bytes);
+      (*result.grids)[static_cast<std::size_t>(n)] = own->read_tree(n);
     });
     return result;
   } catch (const std::bad_alloc&) {
@@ -443,17 +465,48 @@ openvdb::CoordBBox extent_of(const Grid& grid) {
   return box;
 }
 
+// The values of a grid's leaves one after the other: from the leaves, or straight from the file.
+template <class Grid>
+class LeafValues {
+ public:
+  using Leaf = typename Grid::TreeType::LeafNodeType;
+  LeafValues(const std::string& path, const Archive& archive, const Grid& grid) : path_(path) {
+    for (std::size_t n = 0; n < archive.readers.size(); ++n)
+      if ((*archive.grids)[n].get() == &grid) reader_ = archive.readers[n].get();
+  }
+  const typename Grid::ValueType* of(const Leaf& leaf) {
+    if (!reader_) return leaf.buffer().data();
+    try {
+      reader_->read_values(leaf, values_.data());
+    } catch (const std::ios_base::failure&) {
+      throw InputError(path_, "", kDamaged, kAgain);
+    }
+    return values_.data();
+  }
+
+ private:
+  const std::string& path_;
+  ArchiveReader* reader_ = nullptr;
+  std::array<typename Grid::ValueType, kBrickVoxels> values_;
+};
+
 // Copies leaves and tiles to bricks, and empties the grid. `convert` checks and translates the 512
-// values of a leaf, `convert_tile` a tile's.
+// values of a leaf, `convert_tile` a tile's. Bricks that are equal to those of `like`, a frozen
+// grid, are shared with it.
 template <class Grid, class T, class Convert, class ConvertTile>
-void fill_bricks(BrickGrid<T>& bricks, Grid& grid, Convert convert, ConvertTile convert_tile) {
+void fill_bricks(BrickGrid<T>& bricks, LeafValues<Grid> leaves, Grid& grid, Convert convert,
+                 ConvertTile convert_tile, const BrickGrid<T>* like = nullptr) {
   std::array<T, kBrickVoxels> values;
+  bricks.reserve(grid.tree().leafCount());
   for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
+    const auto* stored = leaves.of(*leaf);
     const openvdb::Coord at = leaf->origin();
     const std::int64_t place = bricks.brick_index(at.x(), at.y(), at.z());
     if (place < 0) continue;  // nothing in it that counts, else the box would hold it
-    convert(leaf->buffer().data(), values.data());
-    bricks.set_brick(static_cast<std::size_t>(place), values.data());
+    const auto brick = static_cast<std::size_t>(place);
+    convert(stored, values.data());
+    const bool equal = like && std::memcmp(like->brick(brick), values.data(), sizeof values) == 0;
+    if (!equal || !bricks.share_brick(brick, *like)) bricks.set_brick(brick, values.data());
   }
   auto tile = grid.tree().cbeginValueAll();
   tile.setMaxDepth(decltype(tile)::LEAF_DEPTH - 1);
@@ -600,7 +653,7 @@ void read_bodies(const std::string& path, const Archive& archive, LayeredTooth& 
     const auto numbers = [&](const openvdb::Int32* source, std::uint8_t* target) {
       for (int v = 0; v < kBrickVoxels; ++v) target[v] = number(source[v]);
     };
-    fill_bricks(of, *grid, numbers, number);
+    fill_bricks(of, LeafValues(path, archive, *grid), *grid, numbers, number);
     set_bodies(tooth, std::move(list), std::move(of));
   } catch (const InputError&) {
     throw;
@@ -648,16 +701,22 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive, bool para
     for (int v = 0; v < kBrickVoxels; ++v) target[v] = label(source[v]);
   };
   if (level_sets.size() > kAlways) tooth.parts = ToothParts{tooth.solid, tooth.solid};  // all air
-  for_each_grid(1 + level_sets_of(tooth), parallel, [&](int job) {
-    if (job == 0) return fill_bricks(tooth.tissue, *tissue, labels, label);
-    const int k = job - 1;
+  const auto fill_level_set = [&](int k) {
     const Distances distances(path, k, level_sets[k]->background(),
                               static_cast<float>(tooth.band()));
     fill_bricks(
-        level_set(tooth, k), *level_sets[k],
+        level_set(tooth, k), LeafValues(path, archive, *level_sets[k]), *level_sets[k],
         [&](const float* source, float* target) { distances.convert(source, target); },
-        [&](float v) { return distances.tile(v); });
+        [&](float v) { return distances.tile(v); }, k == 0 ? nullptr : &tooth.solid);
+  };
+  for_each_grid(2, parallel, [&](int job) {
+    if (job == 0) return fill_level_set(0);
+    fill_bricks(tooth.tissue, LeafValues(path, archive, *tissue), *tissue, labels, label);
   });
+  // Half of the tissues' bricks are the solid's, and nearly all of an intact solid's.
+  tooth.solid.freeze();
+  tooth.tissue.freeze();
+  for_each_grid(level_sets_of(tooth) - 1, parallel, [&](int job) { fill_level_set(job + 1); });
   check_parts(path, tooth);
   read_bodies(path, archive, tooth);
 
@@ -707,8 +766,9 @@ ToothReading read_tooth_with_warnings(const std::string& path, ReadPolicy policy
   if (!content.ours && policy == ReadPolicy::kTrial) try_reading(path, content.bytes);
   const Archive archive =
       content.ours ? parse_ours(path, content.bytes) : parse(path, content.bytes);
-  std::string().swap(content.bytes);
+  if (!content.ours) std::string().swap(content.bytes);
   ToothReading reading{tooth_of(path, archive, /*parallel=*/true), {}};
+  std::string().swap(content.bytes);
   auto stored = find_text(*archive.meta, kHashKey);
   for (const auto& grid : *archive.grids)
     if (!stored && grid) stored = find_text(*grid, kHashKey);
