@@ -45,9 +45,9 @@ void run(const Options& o, const Common& common) {
   if (!own.occlusal.known())
     warn(o.tooth + ": the occlusal direction is not known; depths are along z of the file");
   const PathCheck check = check_path(
-      tooth, own.occlusal.known() ? upright_frame(own, tooth) : Pose(), bur, result.path.samples);
+      whole, own.occlusal.known() ? upright_frame(own, tooth) : Pose(), bur, result.path.samples);
   std::vector<std::string> warnings = result.notes;
-  for (const std::string& text : path_warnings(check))
+  for (const std::string& text : path_warnings(check, whole))
     warnings.push_back(o.trajectory + ": " + text);
   warn_or_refuse(warnings, o.strict);
   if (!picture.empty()) write_path_picture(tooth, own, bur, result.path, check, picture);
@@ -58,7 +58,7 @@ void run(const Options& o, const Common& common) {
   }
   outputs.publish();
   say(common, o.trajectory + ": " + result.how);
-  for (const std::string& line : path_lines(check)) say(common, line);
+  for (const std::string& line : path_lines(check, whole)) say(common, line);
   if (!o.json) return;
   nlohmann::ordered_json j = {{"schema", "toothprep-place"},
                               {"schema_version", 1},
@@ -69,7 +69,7 @@ void run(const Options& o, const Common& common) {
                               {"bur", o.bur},
                               {"how", result.how}};
   put_frame(j, "tooth_", own);
-  j.update(path_json(check));
+  j.update(path_json(check, whole));
   j["warnings"] = warnings;
   std::cout << json_text(j);
 }

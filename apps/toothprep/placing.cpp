@@ -162,7 +162,7 @@ void add_placing_options(CLI::App& sub, PlacingOptions& o, const std::string& fr
                  "The path's frame to the tooth's file (.toml, as of live; data/rig/FORMATS.md)");
 }
 
-Json path_json(const PathCheck& c) {
+Json path_json(const PathCheck& c, const LayeredTooth& whole) {
   const auto optional = [](const std::optional<double>& v) { return v ? Json(*v) : Json(nullptr); };
   const auto vector = [](const Vec3& v) { return Json{v.x(), v.y(), v.z()}; };
   Json j;
@@ -175,6 +175,10 @@ Json path_json(const PathCheck& c) {
   j["least_to_pulp_mm"] = optional(c.least_to_pulp);
   j["least_to_pulp_at_mm"] = c.least_to_pulp ? vector(c.least_to_pulp_at) : Json(nullptr);
   j["least_to_pulp_time_s"] = c.least_to_pulp ? Json(c.least_to_pulp_time) : Json(nullptr);
+  j["least_to_other_mm"] = optional(c.least_to_other);
+  j["least_to_other_at_mm"] = c.least_to_other ? vector(c.least_to_other_at) : Json(nullptr);
+  j["least_to_other_time_s"] = c.least_to_other ? Json(c.least_to_other_time) : Json(nullptr);
+  j["nearest_other"] = c.least_to_other ? Json(body_at(whole, c.least_to_other_at)) : Json(nullptr);
   j["shank_overlap_mm3"] = c.shank_overlap;
   j["shank_time_s"] = c.shank_overlap > 0 ? Json(c.shank_time) : Json(nullptr);
   j["tips_mm"] = {vector(c.tips.min), vector(c.tips.max)};
@@ -189,7 +193,7 @@ Json path_json(const PathCheck& c) {
   return j;
 }
 
-std::vector<std::string> path_lines(const PathCheck& c) {
+std::vector<std::string> path_lines(const PathCheck& c, const LayeredTooth& whole) {
   std::vector<std::string> lines;
   lines.push_back(fmt::format("  start     {:.2f} mm from the tooth", c.clearance_at_start));
   std::string takes;
@@ -207,6 +211,11 @@ std::vector<std::string> path_lines(const PathCheck& c) {
                                     *c.least_to_pulp, c.least_to_pulp_at.x(),
                                     c.least_to_pulp_at.y(), c.least_to_pulp_at.z())
                       : std::string("  pulp      the tooth has none"));
+  if (c.least_to_other)
+    lines.push_back(fmt::format("  others    {} {:.2f} mm from the bur, at {:.2f} {:.2f} {:.2f}",
+                                body_at(whole, c.least_to_other_at), *c.least_to_other,
+                                c.least_to_other_at.x(), c.least_to_other_at.y(),
+                                c.least_to_other_at.z()));
   lines.push_back(
       c.shank_overlap > 0
           ? fmt::format("  reach     the shank runs into the tooth from {:.2f} s on", c.shank_time)
@@ -214,7 +223,7 @@ std::vector<std::string> path_lines(const PathCheck& c) {
   return lines;
 }
 
-std::vector<std::string> path_warnings(const PathCheck& c) {
+std::vector<std::string> path_warnings(const PathCheck& c, const LayeredTooth& whole) {
   std::vector<std::string> warnings;
   if (c.least_distance > 0)
     warnings.push_back(
@@ -229,6 +238,11 @@ std::vector<std::string> path_warnings(const PathCheck& c) {
   else if (c.least_to_pulp && *c.least_to_pulp < kThinDentin)
     warnings.push_back(
         fmt::format("the path comes within {:.2f} mm of the pulp", *c.least_to_pulp));
+  if (c.least_to_other && *c.least_to_other <= 0)
+    warnings.push_back(fmt::format(
+        "the path cuts {} at {:.2f} {:.2f} {:.2f} mm, by {:.2f} mm, at {:.2f} s",
+        body_at(whole, c.least_to_other_at), c.least_to_other_at.x(), c.least_to_other_at.y(),
+        c.least_to_other_at.z(), -*c.least_to_other, c.least_to_other_time));
   if (c.shank_overlap > 0)
     warnings.push_back(fmt::format(
         "the shank runs into the tooth ({:.2f} mm3, first at {:.2f} s): the bur is too short there",

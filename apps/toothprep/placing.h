@@ -43,11 +43,11 @@ PlacedPath place_path(Trajectory path, PathFrame frame, const std::string& file,
 Pose upright_frame(const ToothFrame& frame, const LayeredTooth& tooth);
 
 // The figures of a path on a tooth: for JSON, and as lines for people.
-nlohmann::ordered_json path_json(const PathCheck& check);
-std::vector<std::string> path_lines(const PathCheck& check);
+nlohmann::ordered_json path_json(const PathCheck& check, const LayeredTooth& whole);
+std::vector<std::string> path_lines(const PathCheck& check, const LayeredTooth& whole);
 // What a user ought to know before it is cut: the path doesn't touch the tooth, begins in it, opens
 // the pulp, brings the shank into the tooth.
-std::vector<std::string> path_warnings(const PathCheck& check);
+std::vector<std::string> path_warnings(const PathCheck& check, const LayeredTooth& whole);
 
 // The path in the tooth (.png): from the occlusal, and in two sections through its deepest place.
 void write_path_picture(const LayeredTooth& tooth, const ToothFrame& frame, const Bur& bur,

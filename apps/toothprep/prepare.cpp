@@ -30,7 +30,8 @@ struct Options {
   std::optional<double> depth, width, into_dentin;
   CavityShape cavity;
   CrownShape crown;
-  double keep = 0.5;
+  double keep = 0.5, clear = 0.1;
+  bool allow_contact = false;
   bool json = false, force = false, strict = false;
 };
 
@@ -52,13 +53,16 @@ Pose planning_frame(const Options& o, const ToothFrame& frame, const LayeredToot
   return pose;
 }
 
-Plan planned(const Options& o, const ToothFrame& frame, const ToothGrid& grid, const Bur& bur) {
+Plan planned(const Options& o, const LayeredTooth& whole, const ToothFrame& frame,
+             const ToothGrid& grid, const Bur& bur) {
   if (o.type == "crown") return plan_crown(grid, bur, o.crown);
   CavityShape shape = o.cavity;
   if (o.depth) shape.depth = *o.depth;
   if (o.width) shape.width = *o.width;
   shape.into_dentin = o.into_dentin;
   CavityGround ground;
+  ground.others = surface_of_others(grid, whole);
+  ground.clear = o.clear;
   if (frame.fossa) ground.fossa = grid.frame().to_local(*frame.fossa).head<2>();
   if (frame.mesial.known())
     ground.along = (grid.frame().orientation.conjugate() * frame.mesial.direction).head<2>();
@@ -89,6 +93,19 @@ void refuse_harm(const Options& o, const PathCheck& check) {
                      "take a bur with a longer head or a thinner neck, or a shallower cavity");
 }
 
+// The gum and other teeth. A crown's rounds pass beside the tooth, by more than a contact leaves.
+void refuse_contact(const Options& o, const LayeredTooth& whole, const PathCheck& check) {
+  if (!check.least_to_other || *check.least_to_other > 0) return;
+  const Vec3& at = check.least_to_other_at;
+  const std::string what =
+      fmt::format("this preparation would cut {} at {:.2f} {:.2f} {:.2f} mm, by {:.2f} mm",
+                  body_at(whole, at), at.x(), at.y(), at.z(), -*check.least_to_other);
+  if (!o.allow_contact)
+    throw InputError(o.session.tooth, "", what,
+                     "take a thinner bur or a smaller preparation, or --allow-contact");
+  warn(o.session.tooth + ": " + what);
+}
+
 std::string command_of(const Options& o) {
   return fmt::format(
       "A {} preparation for {}, made by toothprep prepare {}; bur: {}; preset {}, {} "
@@ -110,13 +127,14 @@ void run(const Options& o, const Common& common) {
   const ToothFrame frame = frame_of(tooth);
   const Pose pose = planning_frame(o, frame, tooth);
   const ToothGrid grid(tooth, pose, kCell);
-  Plan plan = planned(o, frame, grid, bur);
+  Plan plan = planned(o, whole, frame, grid, bur);
   choose_feeds(plan, grid, bur, parameters, drive_of(o.session));
   plan.facts.push_back(fmt::format("takes     {:.0f} s", duration(plan)));
   const std::string script = script_of(plan, pose, command_of(o));
   const Trajectory path = parse_script(script, o.output);
-  const PathCheck check = check_path(tooth, pose, bur, path.samples);
+  const PathCheck check = check_path(whole, pose, bur, path.samples);
   refuse_harm(o, check);
+  refuse_contact(o, whole, check);
   std::ofstream(output) << script;
   if (!picture.empty()) write_path_picture(tooth, frame, bur, path, check, picture);
   outputs.publish();
@@ -127,7 +145,7 @@ void run(const Options& o, const Common& common) {
         false);
   say(common, o.output + ": " + o.type);
   for (const std::string& fact : plan.facts) say(common, "  " + fact);
-  for (const std::string& line : path_lines(check)) say(common, line);
+  for (const std::string& line : path_lines(check, whole)) say(common, line);
   if (!o.json) return;
   nlohmann::ordered_json j = {{"schema", "toothprep-prepare"},
                               {"schema_version", 1},
@@ -138,7 +156,7 @@ void run(const Options& o, const Common& common) {
                               {"bur", o.session.bur},
                               {"duration_s", duration(plan)},
                               {"facts", plan.facts}};
-  j.update(path_json(check));
+  j.update(path_json(check, whole));
   std::cout << json_text(j);
 }
 
@@ -200,6 +218,14 @@ void add_prepare(CLI::App& app, const Common& common) {
                   "Refuse what would leave less over the pulp; what opens it always is")
       ->check(CLI::Range(0.0, 5.0))
       ->capture_default_str();
+  sub->add_option(
+         "--clear-mm", o->clear,
+         "Class II: the box keeps so far from a neighbour and from the gum, if the tooth's\n"
+         "file has them")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  sub->add_flag("--allow-contact", o->allow_contact,
+                "What would cut a neighbour or the gum is warned of in place of refused");
   sub->add_option("-o,--output", o->output, "Script to write (.toml), for replay")->required();
   sub->add_option("--picture", o->picture, "The path in the tooth (.png)");
   sub->add_flag("--json", o->json, "Figures along the path on stdout as JSON");

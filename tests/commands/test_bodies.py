@@ -115,6 +115,31 @@ class Bodies(CommandTest):
         self.assertAlmostEqual(sheet["process"]["neighbour_contact_s"], steps * 1e-3, places=6)
         self.assertEqual(self.score("short")["neighbour_damage_mm3"], 0)
 
+    def test_a_class_2_is_planned_around_the_neighbour_and_a_crown_that_would_cut_it_refused(self):
+        prepare = ("prepare", "--tooth", "pair.vdb", "--json", "--force", "-o")
+        done = self.run_ok(*prepare, "box.toml", "--type", "class2", "--side", "distal", "--bur", "57")
+        plan = json.loads(done.stdout)
+        self.assertEqual(plan["nearest_other"], "37")
+        self.assertAlmostEqual(plan["least_to_other_mm"], 0.1, delta=0.02)  # --clear-mm
+        self.assertIn("0.10 mm stay between the bur and what must not be touched", "\n".join(plan["facts"]))
+        near = json.loads(self.run_ok(*prepare, "box.toml", "--type", "class2", "--side", "distal", "--bur", "57", "--clear-mm",
+                                      "0.02").stdout)
+        self.assertAlmostEqual(near["least_to_other_mm"], 0.02, delta=0.02)
+        refused = self.run_tool(*prepare, "crown.toml", "--type", "crown")
+        self.assertEqual(refused.returncode, 1)
+        self.assertRegex(refused.stderr, "this preparation would cut 37 at .* mm, by .* mm; .*--allow-contact")
+        self.assertFalse(Path(self.path("crown.toml")).exists())
+        warned = self.run_ok(*prepare, "crown.toml", "--type", "crown", "--allow-contact")
+        self.assertIn("warning: pair.vdb: this preparation would cut 37 at", warned.stderr)
+
+    def test_a_path_into_the_neighbour_is_warned_of(self):
+        place = ("place", "--tooth", "pair.vdb", "--bur", "cylinder:D1.2xL4.0", "--from", "pair.vdb", "--json", "--trajectory")
+        into = self.run_ok(*place, "into.toml")
+        self.assertIn("the path cuts 37 at", into.stderr)
+        # The cylinder's end goes to y = 11.2 + 0.6; the neighbour begins at about 10.9.
+        self.assertAlmostEqual(json.loads(into.stdout)["least_to_other_mm"], -0.9, delta=0.3)
+        self.assertNotIn("cuts", self.run_ok(*place, "short.toml").stderr)
+
     def test_bad_numbers_are_refused(self):
         for words in (["--neighbours", "14"], ["--neighbours", "1", "--gap-mm", "5"]):
             refused = self.run_tool("specimen", "molar", "-o", "no.vdb", *words)

@@ -9,7 +9,7 @@ namespace {
 
 // Two boxes of dentin of 2 x 2 x 2 mm, the second (of enamel) 0.3 mm beside the first along x.
 constexpr double kVoxel = 0.1, kGap = 0.3;
-LayeredTooth two_boxes() {
+LayeredTooth two_boxes(double gap = kGap) {
   const auto box = [](const Vec3& x, double from) {
     const Vec3 d = (x - Vec3(from + 1, 1, 1)).cwiseAbs() - Vec3::Ones();
     return d.maxCoeff() > 0 ? d.cwiseMax(0).norm() : d.maxCoeff();
@@ -17,7 +17,7 @@ LayeredTooth two_boxes() {
   LayeredTooth tooth = build_tooth(
       {Vec3::Constant(kVoxel / 2), kVoxel}, Index3::Zero(), Index3(50, 20, 20),
       [&](const Vec3& x) {
-        const double first = box(x, 0), second = box(x, 2 + kGap);
+        const double first = box(x, 0), second = box(x, 2 + gap);
         ToothSample s;
         s.solid = static_cast<float>(std::min(first, second));
         s.tissue = {static_cast<float>(second), static_cast<float>(first), 1};
@@ -30,7 +30,7 @@ LayeredTooth two_boxes() {
     std::uint8_t* body = of.writable_brick(b);
     for (int v = 0; v < kBrickVoxels; ++v) {
       const Vec3 x = tooth.lattice.to_world(of.brick_origin(b) + Index3(v >> 6, v >> 3 & 7, v & 7));
-      body[v] = x.x() < 2 + kGap / 2 ? 1 : 2;
+      body[v] = x.x() < 2 + gap / 2 ? 1 : 2;
     }
   }
   set_bodies(tooth, {{"36", BodyKind::kTooth}, {"37", BodyKind::kNeighbour}}, std::move(of));
@@ -77,6 +77,21 @@ TEST(ToothBodies, OthersAreSeenAsOther) {
   EXPECT_NEAR(volume[static_cast<std::size_t>(tissue_index(Tissue::kDentin))], 8, 0.05);
   EXPECT_NEAR(volume[static_cast<std::size_t>(tissue_index(Tissue::kOther))], 8, 0.05);
   EXPECT_FALSE(tooth.bodies);
+}
+
+// Where the gap is thinner than a voxel, the kept tooth's surface lies between its last voxel, half a
+// voxel inside, and the first of the other.
+TEST(ToothBodies, ASurfaceBesideAnotherStaysWithinTheGap) {
+  for (const double gap : {0.02, 0.05, 0.09, 0.3}) {
+    const LayeredTooth tooth = with_others_as_other(two_boxes(gap));
+    const LevelSet& dentin = tooth.remains[1];
+    const double in = dentin.value(19, 10, 10), out = dentin.value(20, 10, 10);
+    ASSERT_LT(in, 0) << gap;
+    ASSERT_GT(out, 0) << gap;
+    const double surface = kVoxel * (19.5 + in / (in - out));
+    EXPECT_GT(surface, 2 - 0.1 * kVoxel) << gap;
+    EXPECT_LT(surface, 2 + std::min(gap, 0.1) + 0.1 * kVoxel) << gap;
+  }
 }
 
 TEST(ToothBodies, AListIsWrittenAndReadBack) {

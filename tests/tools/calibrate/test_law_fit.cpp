@@ -176,7 +176,7 @@ SensorOptions noisy(std::uint64_t seed) {
 
 TEST(LawFit, AmongAllTheTrueLawIsFoundAndTheOthersAreFlagged) {
   FitOptions o;
-  o.bootstrap = 200;
+  o.bootstrap = 50;  // intervals aren't looked at
   const std::vector<LawKind> all = {LawKind::kSize, LawKind::kRubbing, LawKind::kUpCutting,
                                     LawKind::kSizeAndRubbing};
   for (const LawKind law : {LawKind::kSize, LawKind::kRubbing, LawKind::kUpCutting}) {
@@ -223,7 +223,7 @@ TEST(LawFit, AtASingleFeedTheExponentIsHardlyKnown) {
   EXPECT_GT(m.estimate.std, 0.05) << m.estimate.value;
 }
 
-// 24 trials of the two simplest laws, 4 of the others, or as many as TOOTHPREP_TRIALS says. At a coverage of 95 % fewer than this are held in
+// 12 trials of the two simplest laws, 2 of the others, or as many as TOOTHPREP_TRIALS says. At a coverage of 95 % fewer than this are held in
 // one test of 300.
 int least_held(int trials) {
   return static_cast<int>(std::ceil(0.95 * trials - 2.7 * std::sqrt(0.0475 * trials)));
@@ -234,7 +234,7 @@ TEST(LawFit, IntervalsOfTheLawsHoldTheTruthAsOftenAsTheySay) {
   for (const LawKind law : kLawKinds) {
     if (law == LawKind::kPaper) continue;
     const bool simple = law == LawKind::kSize || law == LawKind::kRubbing;
-    const int trials = wanted ? std::max(std::atoi(wanted), 1) : simple ? 24 : 4;
+    const int trials = wanted ? std::max(std::atoi(wanted), 1) : simple ? 12 : 2;
     const std::vector<Vec3> force = law_rig().force(law);
     std::map<std::string, int> held;
     std::mutex mutex;

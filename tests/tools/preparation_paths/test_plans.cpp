@@ -24,7 +24,7 @@ Pose molar_frame() {
 struct Molar {
   LayeredTooth tooth = make_molar({0.3});
   ToothGrid grid{tooth, molar_frame(), 0.15};
-  CavityGround ground{Vec2::Zero(), Vec2::UnitX()};
+  CavityGround ground{Vec2::Zero(), Vec2::UnitX(), {}};
 };
 const Molar& molar() {
   static const Molar the_one;

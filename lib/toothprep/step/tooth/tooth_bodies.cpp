@@ -136,6 +136,26 @@ std::vector<double> body_volumes_mm3(const LayeredTooth& tooth) {
   return fractions;
 }
 
+namespace {
+
+Index3 voxel_of(const LabelGrid& grid, std::size_t brick, int offset) {
+  return grid.brick_origin(brick) + Index3(offset >> 6, (offset >> 3) & 7, offset & 7);
+}
+
+// Whether one of the 26 voxels around is the body's.
+bool touches_body(const LabelGrid& of, const Index3& at, std::uint8_t body) {
+  for (int i = -1; i <= 1; ++i)
+    for (int j = -1; j <= 1; ++j)
+      for (int k = -1; k <= 1; ++k)
+        if (of.value(at.x() + i, at.y() + j, at.z() + k) == body) return true;
+  return false;
+}
+
+}  // namespace
+
+// Where two bodies touch, the surface of the kept one lies between its voxels and those of the
+// other. There the distance to the other's surface is the nearest known bound of its own: it puts
+// the surface within the gap, where the band's end would draw it into the tooth.
 LayeredTooth with_others_as_other(LayeredTooth tooth) {
   if (!tooth.bodies) return tooth;
   const LabelGrid& of = tooth.bodies->of;
@@ -151,9 +171,14 @@ LayeredTooth with_others_as_other(LayeredTooth tooth) {
       tissue[v] = label != 0 && is_other(v) ? static_cast<std::uint8_t>(Tissue::kOther) : label;
     }
     tooth.tissue.set_brick(b, tissue.data());
+    std::array<bool, kBrickVoxels> touches{};
+    for (int v = 0; v < kBrickVoxels; ++v)
+      touches[v] = is_other(v) && touches_body(of, voxel_of(of, b, v), kept);
     for (LevelSet& remains : tooth.remains) {
-      for (int v = 0; v < kBrickVoxels; ++v)
-        level[v] = is_other(v) ? remains.background() : remains.brick(b)[v];
+      for (int v = 0; v < kBrickVoxels; ++v) {
+        const float phi = remains.brick(b)[v];
+        level[v] = !is_other(v) ? phi : touches[v] ? std::abs(phi) : remains.background();
+      }
       remains.set_brick(b, level.data());
     }
   }

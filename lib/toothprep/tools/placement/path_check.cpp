@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/step/tooth/tooth_bodies.h"
 #include "toothprep/tools/placement/own_frame.h"
 
 namespace toothprep {
@@ -29,6 +30,26 @@ std::vector<HandleSample> thinned(const std::vector<HandleSample>& path, const P
   return kept;
 }
 
+// Those within `kNear` of where the head goes, whatever way it points.
+std::vector<SurfacePlace> within_reach(std::vector<SurfacePlace> places,
+                                       const std::vector<HandleSample>& steps, const Bur& bur) {
+  constexpr double kNear = 2;  // mm
+  Box box{steps[0].pose.position, steps[0].pose.position};
+  for (const HandleSample& s : steps)
+    for (const double along : {0.0, bur.head_length()}) {
+      const Vec3 x = s.pose.position + along * (s.pose.orientation * Vec3::UnitZ());
+      box.min = box.min.cwiseMin(x);
+      box.max = box.max.cwiseMax(x);
+    }
+  const Vec3 around = Vec3::Constant(bur.max_radius() + kNear);
+  const auto far = [&](const SurfacePlace& p) {
+    return ((p.at - box.min + around).array() < 0).any() ||
+           ((box.max + around - p.at).array() < 0).any();
+  };
+  places.erase(std::remove_if(places.begin(), places.end(), far), places.end());
+  return places;
+}
+
 std::optional<double> depth(const ToothGrid& grid, ToothGrid::Surface surface, const Vec3& tip) {
   const double h = grid.height(surface, tip.x(), tip.y());
   return std::isfinite(h) ? std::optional(h - tip.z()) : std::nullopt;
@@ -40,15 +61,17 @@ std::optional<double> finite(double d) {
 
 }  // namespace
 
-PathCheck check_path(const LayeredTooth& tooth, const Pose& frame, const Bur& bur,
+PathCheck check_path(const LayeredTooth& whole, const Pose& frame, const Bur& bur,
                      const std::vector<HandleSample>& path) {
   using Surface = ToothGrid::Surface;
+  const LayeredTooth tooth = with_others_as_other(whole);
   const ToothGrid grid(tooth, frame, std::clamp(tooth.lattice.voxel, 0.1, 0.2));
   const auto solid = grid.surface(Surface::kTooth), dentin = grid.surface(Surface::kDentin),
              pulp = grid.surface(Surface::kPulp);
   const auto steps = thinned(path, inverse(frame), bur.head_length());
   PathCheck check;
   if (steps.empty()) return check;
+  const auto others = within_reach(surface_of_others(grid, whole), steps, bur);
   Milling milling(grid, bur);
   check.clearance_at_start = std::max(0.0, head_distance(bur, steps[0].pose, solid));
   bool touched = false;
@@ -73,6 +96,12 @@ PathCheck check_path(const LayeredTooth& tooth, const Pose& frame, const Bur& bu
       check.least_to_pulp = p.to_pulp;
       check.least_to_pulp_at = frame.to_world(where);
       check.least_to_pulp_time = p.time;
+    }
+    if (const double d = head_distance(bur, pose, others, &where);
+        d < check.least_to_other.value_or(1e30)) {
+      check.least_to_other = d;
+      check.least_to_other_at = frame.to_world(where);
+      check.least_to_other_time = p.time;
     }
     const Milling::Bite bite = i == 0 ? milling.at(pose) : milling.along(steps[i - 1].pose, pose);
     for (int k = 0; k < kTissueCount; ++k) {

@@ -27,16 +27,22 @@ struct PathCheck {                   // what a path would do
   PerTissue<double> removed{};       // mm³ inside the head, on a grid of 0.1 to 0.2 mm
   double deepest_below_surface = 0;  // mm; 0 if the tip is never below
   double deepest_below_dentin = 0;   // mm
-  std::optional<double> least_to_pulp;   // mm; nothing without pulp
-  Vec3 least_to_pulp_at = Vec3::Zero();  // mm, W: of the pulp
-  double least_to_pulp_time = 0;         // s
-  double shank_overlap = 0;              // mm³ of tissue inside the shank at once, at most
-  double shank_time = 0;                 // s: when first
-  Box tips;                              // mm, W: around the tips
+  std::optional<double> least_to_pulp;    // mm; nothing without pulp
+  Vec3 least_to_pulp_at = Vec3::Zero();   // mm, W: of the pulp
+  double least_to_pulp_time = 0;          // s
+  std::optional<double> least_to_other;   // mm, of the head from neighbours and gum; nothing
+                                          // where none are within 2 mm of its way
+  Vec3 least_to_other_at = Vec3::Zero();  // mm, W: of them
+  double least_to_other_time = 0;         // s
+  double shank_overlap = 0;               // mm³ of tissue inside the shank at once, at most
+  double shank_time = 0;                  // s: when first
+  Box tips;                               // mm, W: around the tips
 };
 
 // `frame`: the tooth's own (own_frame()), of which the z axis counts. Positions of `path` in W.
-[[nodiscard]] PathCheck check_path(const LayeredTooth& tooth, const Pose& frame, const Bur& bur,
+// `whole`: as it was loaded, with its bodies; what is planned on is the tooth alone, and the others
+// are what must not be touched.
+[[nodiscard]] PathCheck check_path(const LayeredTooth& whole, const Pose& frame, const Bur& bur,
                                    const std::vector<HandleSample>& path);
 
 }  // namespace toothprep

@@ -8,6 +8,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/tooth/level_at.h"
+#include "toothprep/step/tooth/tooth_bodies.h"
 
 namespace toothprep {
 
@@ -55,8 +56,10 @@ double ToothGrid::distance(Surface surface, const Vec3& x) const {
   const auto of = [&](int k) { return level_at(tooth_.remains[k], tooth_.lattice, w); };
   double d = of(2);
   if (surface != Surface::kPulp) d = std::min(d, of(1));
-  if (surface == Surface::kTooth) d = std::min(d, of(0));
-  return d;
+  if (surface == Surface::kTooth || surface == Surface::kOther) d = std::min(d, of(0));
+  return surface == Surface::kOther
+             ? std::max<double>(level_at(tooth_.solid, tooth_.lattice, w), -d)
+             : d;
 }
 
 namespace {
@@ -67,6 +70,8 @@ bool belongs(ToothGrid::Surface surface, Tissue t) {
       return t == Tissue::kPulp;
     case ToothGrid::Surface::kDentin:
       return t == Tissue::kPulp || t == Tissue::kDentin;
+    case ToothGrid::Surface::kOther:
+      return t == Tissue::kOther;
     default:
       return ToothGrid::is_tooth(t);
   }
@@ -87,6 +92,24 @@ std::vector<SurfacePlace> ToothGrid::surface(Surface surface) const {
         const Vec3 p = place(x, y, z);
         places.push_back({p, std::clamp(distance(surface, p), -step_, 0.0)});
       }
+  return places;
+}
+
+std::string body_at(const LayeredTooth& whole, const Vec3& world) {
+  if (!whole.bodies) return {};
+  const Index3 at = whole.lattice.to_index(world).array().round().matrix().cast<int>();
+  const std::uint8_t body = whole.bodies->of.value(at.x(), at.y(), at.z());
+  return body == 0 ? std::string() : whole.bodies->list[body - 1].name;
+}
+
+std::vector<SurfacePlace> surface_of_others(const ToothGrid& grid, const LayeredTooth& whole) {
+  if (!whole.bodies) return {};
+  std::vector<SurfacePlace> places = grid.surface(ToothGrid::Surface::kOther);
+  const std::string& own = whole.bodies->list[whole.bodies->worked()].name;
+  const auto is_own = [&](const SurfacePlace& p) {
+    return body_at(whole, grid.frame().to_world(p.at)) == own;
+  };
+  places.erase(std::remove_if(places.begin(), places.end(), is_own), places.end());
   return places;
 }
 

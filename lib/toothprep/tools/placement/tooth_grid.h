@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
@@ -45,8 +46,8 @@ class ToothGrid {  // labels in a dense box
   // Of enamel, dentin and pulp, not of what is no tooth (`other`).
   static bool is_tooth(Tissue t) { return t != Tissue::kAir && t != Tissue::kOther; }
 
-  // The surface of the tooth, of dentin and pulp together, or of the pulp.
-  enum class Surface { kTooth, kDentin, kPulp };
+  // The surface of the tooth, of dentin and pulp together, of the pulp, or of what is no tooth.
+  enum class Surface { kTooth, kDentin, kPulp, kOther };
   // Signed distance to it (mm; within the level sets' band) at a place of the frame.
   [[nodiscard]] double distance(Surface surface, const Vec3& x) const;
   // The cells inside it that touch its outside.
@@ -63,6 +64,13 @@ class ToothGrid {  // labels in a dense box
   Vec3 low_ = Vec3::Zero();
   std::vector<std::uint8_t> tissue_;
 };
+
+// The surface of all bodies of `whole` but the one that is prepared, in the frame of a grid that was
+// made of with_others_as_other(whole); empty where it lists no bodies.
+[[nodiscard]] std::vector<SurfacePlace> surface_of_others(const ToothGrid& grid,
+                                                          const LayeredTooth& whole);
+// The name of the body that has the voxel at a place of W; empty for air or without a list.
+[[nodiscard]] std::string body_at(const LayeredTooth& whole, const Vec3& world);
 
 // Least distance of the head of a bur at `pose` (in the grid's frame) from a surface; negative: it
 // reaches through. Infinity without places.

@@ -8,13 +8,12 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/statistics.h"
-#include "toothprep/tools/preparation_paths/neck.h"
+#include "toothprep/tools/preparation_paths/box_plan.h"
 
 namespace toothprep {
 namespace {
 
 constexpr double kOver = 1.0;   // mm, of a bur that passes over the tooth
-constexpr double kWait = 2.5;   // s, in corners: a bur on a spring catches up
 constexpr double kEdge = 0.03;  // mm: ridges that passes may leave on a floor
 
 Vec3 at(const Vec2& p, double z) { return {p.x(), p.y(), z}; }
@@ -52,13 +51,6 @@ std::vector<double> lanes(const Bur& bur, double width) {
   std::vector<double> offsets;
   for (int i = 0; i <= gaps; ++i) offsets.push_back(free * (static_cast<double>(i) / gaps - 0.5));
   return offsets;
-}
-
-std::vector<double> layer_floors(double top, double floor, double thickest) {
-  const int count = std::max(1, static_cast<int>(std::ceil((top - floor) / thickest)));
-  std::vector<double> floors;
-  for (int k = 1; k <= count; ++k) floors.push_back(top + (floor - top) * k / count);
-  return floors;
 }
 
 void follow(Plan& plan, const std::vector<Vec2>& line, double from_z, double to_z, Pace pace,
@@ -112,21 +104,21 @@ void finish(Plan& plan, const Slot& slot, const Bur& bur) {
   const double z = slot.floor;
   if (half < 0.02) {
     follow(plan, reversed(slot.line), z, z, Pace::kFinishing, "Finishing: floor and walls.");
-    plan.hold(kWait);
+    plan.hold(kCatchUp);
     follow(plan, slot.line, z, z, Pace::kFinishing);
-    plan.hold(kWait);
+    plan.hold(kCatchUp);
     return;
   }
   const std::vector<Vec2> left = shifted(slot.line, half), right = shifted(slot.line, -half);
   follow(plan, left, z, z, Pace::kFinishing, "Finishing: walls and floor, once around each way.");
-  plan.hold(kWait);
+  plan.hold(kCatchUp);
   follow(plan, reversed(right), z, z, Pace::kFinishing);
-  plan.hold(kWait);
+  plan.hold(kCatchUp);
   follow(plan, left, z, z, Pace::kFinishing);
   follow(plan, reversed(left), z, z, Pace::kFinishing);
-  plan.hold(kWait);
+  plan.hold(kCatchUp);
   follow(plan, right, z, z, Pace::kFinishing);
-  plan.hold(kWait);
+  plan.hold(kCatchUp);
   for (const double offset : lanes(bur, slot.width))
     if (std::abs(offset) < half - 0.01)
       follow(plan, reversed(shifted(slot.line, offset)), z, z, Pace::kFinishing);
@@ -135,7 +127,7 @@ void finish(Plan& plan, const Slot& slot, const Bur& bur) {
 struct Occlusal {
   CrownMap map;
   Fissure fissure;
-  double floor = 0, highest = 0;  // mm; highest: of all of the tooth
+  double floor = 0, highest = 0;  // mm; highest: of all of it, and of others
 };
 
 double floor_under(const CrownMap& map, const std::vector<Vec2>& line, const CavityShape& shape) {
@@ -159,6 +151,7 @@ Occlusal occlusal_part(const ToothGrid& grid, const CavityShape& shape,
   o.fissure = find_fissure(grid, o.map, search);
   o.floor = floor_under(o.map, o.fissure.points, shape);
   o.highest = *std::max_element(o.map.surface.begin(), o.map.surface.end());
+  for (const SurfacePlace& p : ground.others) o.highest = std::max(o.highest, p.at.z());
   return o;
 }
 
@@ -201,146 +194,6 @@ Plan plan_class1(const ToothGrid& grid, const Bur& bur, const CavityShape& shape
   return plan;
 }
 
-namespace {
-
-// The proximal surface that a box opens, in a frame whose x points to it.
-struct Proximal {
-  double middle = 0;     // mm, y of the contact area
-  double contact = 0;    // mm, z of the outermost place
-  double neck = 0;       // mm, z of the enamel's lower border
-  double outermost = 0;  // mm, x
-};
-
-// Outermost x of the tooth at (y, z); -infinity where there is none.
-double outermost(const ToothGrid& grid, double y, double z) {
-  const Index3 c = grid.cell({grid.low().x(), y, z});
-  if (!grid.holds({0, c.y(), c.z()})) return -std::numeric_limits<double>::infinity();
-  for (int x = grid.size().x() - 1; x >= 0; --x)
-    if (ToothGrid::is_tooth(grid.at(x, c.y(), c.z())))
-      return grid.place(x, 0, 0).x() + 0.5 * grid.step();
-  return -std::numeric_limits<double>::infinity();
-}
-
-Proximal proximal_side(const ToothGrid& grid, const Vec2& middle, double top) {
-  Proximal side;
-  side.neck = neck_height(grid, middle, Vec2::UnitX(), top);
-  side.outermost = -std::numeric_limits<double>::infinity();
-  for (double z = side.neck + 0.5; z < top; z += grid.step())
-    for (double y = middle.y() - 4; y < middle.y() + 4; y += grid.step()) {
-      const double x = outermost(grid, y, z);
-      if (x <= side.outermost) continue;
-      side.outermost = x;
-      side.contact = z;
-    }
-  double sum = 0, count = 0;
-  for (double y = middle.y() - 4; y < middle.y() + 4; y += grid.step())
-    if (outermost(grid, y, side.contact) > side.outermost - 0.25) {
-      sum += y;
-      ++count;
-    }
-  side.middle = sum / count;
-  return side;
-}
-
-// x = a + b y + c y², y from the box's middle: the proximal surface at a height.
-Vec3 fitted_wall(const ToothGrid& grid, double middle, double half, double z) {
-  Mat3 normal = Mat3::Zero();
-  Vec3 right = Vec3::Zero();
-  for (double y = -half; y <= half; y += grid.step()) {
-    const double x = outermost(grid, middle + y, z);
-    if (!std::isfinite(x)) continue;
-    const Vec3 row(1, y, y * y);
-    normal += row * row.transpose();
-    right += x * row;
-  }
-  return normal.ldlt().solve(right);
-}
-
-struct BoxPlan {
-  double middle = 0, half = 0;  // mm: y of the tip's lanes, middle +- half
-  double floor = 0, top = 0, outside = 0;
-  Vec3 wall = Vec3::Zero();  // of the tip along the axial wall
-  double wall_x(double y) const { return wall[0] + wall[1] * y + wall[2] * y * y; }
-  Vec3 tip(double y, double off, double z) const { return {wall_x(y) + off, middle + y, z}; }
-};
-
-void across(Plan& plan, const BoxPlan& box, double from, double to, double off, double z,
-            Pace pace) {
-  const int parts = std::max(1, static_cast<int>(std::ceil(std::abs(to - from) / 0.4)));
-  for (int i = 0; i <= parts; ++i) plan.go(box.tip(from + (to - from) * i / parts, off, z), pace);
-}
-
-// Each layer from outside inwards, so that the flat end never plunges.
-void rough_box(Plan& plan, const BoxPlan& box, const Bur& bur, double thickest) {
-  const double beside = box.outside - box.wall_x(0);
-  const double step = 1.5 * bur.max_radius();
-  const int rows = std::max(1, static_cast<int>(std::ceil(beside / step)));
-  plan.go({box.outside, box.middle - box.half, plan.strokes.back().to.z()}, Pace::kAir);
-  std::string note = "Roughing the box: from outside inwards, layer by layer.";
-  for (const double z : layer_floors(box.top, box.floor, thickest)) {
-    plan.go({box.outside, box.middle - box.half, z}, Pace::kRoughing, note);
-    note.clear();
-    bool back = false;
-    for (int row = rows - 1; row >= 0; --row) {
-      const double off = 0.1 + beside * row / rows;
-      across(plan, box, back ? box.half : -box.half, back ? -box.half : box.half, off, z,
-             Pace::kRoughing);
-      back = !back;
-    }
-    plan.go({box.outside, plan.strokes.back().to.y(), z}, Pace::kRoughing);
-  }
-}
-
-// Where the ridge is higher than the head is long, first above the floor, so that the neck is free.
-void finish_box(Plan& plan, const BoxPlan& box, const Bur& bur) {
-  std::vector<double> levels = {box.floor, box.floor};
-  if (const double over = box.top - box.floor - bur.head_length() + 0.3; over > 0)
-    levels.insert(levels.begin(), box.floor + over);
-  double way = 1;
-  std::string note = "Finishing the box: along one wall, the axial wall, the other; and back.";
-  for (const double z : levels) {
-    plan.go({box.outside, box.middle - way * box.half, z}, Pace::kRoughing, note);
-    note.clear();
-    plan.go(box.tip(-way * box.half, 0, z), Pace::kFinishing);
-    plan.hold(kWait);
-    across(plan, box, -way * box.half, way * box.half, 0, z, Pace::kFinishing);
-    plan.hold(kWait);
-    plan.go({box.outside, box.middle + way * box.half, z}, Pace::kFinishing);
-    way = -way;
-  }
-}
-
-BoxPlan plan_box(const ToothGrid& grid, const Bur& bur, const CavityShape& shape, const Occlusal& o,
-                 const Proximal& side) {
-  BoxPlan box;
-  box.middle = side.middle;
-  box.half = 0.5 * shape.box_width - bur.max_radius();
-  const double lowest = side.neck + 0.8;  // sound enamel below the floor
-  box.floor = shape.gingival_below ? o.floor - *shape.gingival_below
-                                   : std::max(lowest, std::min(side.contact - 1.0, o.floor - 0.8));
-  if (box.floor < side.neck + 0.2)
-    throw Error(
-        fmt::format("the gingival floor would lie {:.2f} mm above the neck or below it: take "
-                    "less than {:.2f} mm of --gingival-below-mm",
-                    box.floor - side.neck, o.floor - side.neck - 0.2));
-  if (box.floor > o.floor - 0.4)
-    throw Error(fmt::format(
-        "there is no space for a box: the pulpal floor lies {:.2f} mm over the neck on that side",
-        o.floor - side.neck));
-  const double half = 0.5 * shape.box_width;
-  box.wall = fitted_wall(grid, side.middle, half, 0.5 * (box.floor + o.floor));
-  box.wall[0] += bur.max_radius() - shape.axial_depth;
-  box.outside = side.outermost + bur.max_radius() + 0.3;
-  box.top = -std::numeric_limits<double>::infinity();
-  for (double y = -half; y <= half; y += grid.step())
-    for (double x = box.wall_x(y) - bur.max_radius(); x < box.outside; x += grid.step())
-      box.top = std::max(box.top, o.map.height({x, side.middle + y}));
-  box.top += 0.05;
-  return box;
-}
-
-}  // namespace
-
 Plan plan_class2(const ToothGrid& grid, const Bur& bur, const CavityShape& shape,
                  const CavityGround& ground) {
   check_width(bur, shape.width, "--width-mm");
@@ -349,11 +202,11 @@ Plan plan_class2(const ToothGrid& grid, const Bur& bur, const CavityShape& shape
   along.along = Vec2::UnitX();
   Occlusal o = occlusal_part(grid, shape, along);
   const Proximal side = proximal_side(grid, o.fissure.points.back(), o.fissure.fossa);
-  const BoxPlan box = plan_box(grid, bur, shape, o, side);
+  const ProximalBox box(grid, o.map, bur, shape, ground, side, o.floor);
   // The occlusal part goes on into the box.
   std::vector<Vec2>& line = o.fissure.points;
   while (line.size() > 2 && line.back().x() > box.wall_x(0) - 0.5) line.pop_back();
-  const Vec2 from = line.back(), into(box.wall_x(0), box.middle);
+  const Vec2 from = line.back(), into(box.wall_x(0), box.middle());
   const int parts = std::max(1, static_cast<int>(std::ceil((into - from).norm() / 0.1)));
   for (int i = 1; i <= parts; ++i)
     line.push_back(from + (into - from) * static_cast<double>(i) / parts);
@@ -366,11 +219,17 @@ Plan plan_class2(const ToothGrid& grid, const Bur& bur, const CavityShape& shape
   plan.facts.push_back(fmt::format(
       "box       {:.2f} mm wide, axial wall {:.2f} mm deep, gingival floor {:.2f} mm below the "
       "pulpal one and {:.2f} mm above the neck",
-      shape.box_width, shape.axial_depth, o.floor - box.floor, box.floor - side.neck));
+      shape.box_width, shape.axial_depth, o.floor - box.floor(), box.floor() - side.neck));
+  if (box.beside_others())
+    plan.facts.push_back(fmt::format(
+        "beside it {:.2f} mm stay between the bur and what must not be touched; {}", ground.clear,
+        box.shell() > 0
+            ? fmt::format("a shell of up to {:.2f} mm stays at the contact", box.shell())
+            : std::string("the contact is open")));
   rough(plan, slot, bur, shape.layer);
   leave(plan, o.highest + kOver);
-  rough_box(plan, box, bur, shape.layer);
-  finish_box(plan, box, bur);
+  box.rough(plan, shape.layer);
+  box.finish(plan);
   const Vec3 out = plan.strokes.back().to;
   plan.go({out.x(), out.y(), o.highest + kOver}, Pace::kAir);
   plan.go(at(line.front(), o.highest + kOver), Pace::kAir);

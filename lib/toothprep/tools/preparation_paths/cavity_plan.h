@@ -3,10 +3,11 @@
 //
 // The frame of the grid has z occlusal. For class II its x axis points to the side of the box.
 // Throws Error for what can't be made: a bur wider than the cavity, a crown without a fissure, no
-// space for a box between pulpal floor and neck.
+// space for a box between pulpal floor and neck, or beside a neighbour.
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "toothprep/tools/preparation_paths/crown_map.h"
 #include "toothprep/tools/preparation_paths/plan.h"
@@ -27,9 +28,11 @@ struct CavityShape {                  // its sizes
                                          // and the neck
 };
 
-struct CavityGround {         // what of the tooth a cavity is planned on
-  std::optional<Vec2> fossa;  // in the grid's frame
-  std::optional<Vec2> along;  // mesial or distal; needed for class II
+struct CavityGround {                // what a cavity is planned on
+  std::optional<Vec2> fossa;         // in the grid's frame
+  std::optional<Vec2> along;         // mesial or distal; needed for class II
+  std::vector<SurfacePlace> others;  // of neighbours and gum (surface_of_others())
+  double clear = 0.1;                // mm, that the head keeps from them in a box
 };
 
 // The path of a class I cavity.

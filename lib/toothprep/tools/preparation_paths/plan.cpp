@@ -169,6 +169,13 @@ std::string script_of(const Plan& plan, const Pose& frame, const std::string& ti
   return text;
 }
 
+std::vector<double> layer_floors(double top, double floor, double thickest) {
+  const int count = std::max(1, static_cast<int>(std::ceil((top - floor) / thickest)));
+  std::vector<double> floors;
+  for (int k = 1; k <= count; ++k) floors.push_back(top + (floor - top) * k / count);
+  return floors;
+}
+
 double flat_radius(const Bur& bur, double depth) {
   double radius = 0;
   for (const ProfilePiece& piece : bur.profile())

@@ -17,6 +17,8 @@
 
 namespace toothprep {
 
+constexpr double kCatchUp = 2.5;  // s, of a wait in a corner: a bur on a spring catches up
+
 // What a stroke is for, which decides its feed.
 enum class Pace { kAir, kRoughing, kFinishing };
 
@@ -50,6 +52,9 @@ void choose_feeds(Plan& plan, const ToothGrid& grid, const Bur& bur, const Param
 
 // The script (data/trajectories/README.md) in W; `facts` and `notes` as comments.
 [[nodiscard]] std::string script_of(const Plan& plan, const Pose& frame, const std::string& title);
+
+// The floors of equal layers from `top` down to `floor`, none thicker than `thickest`, mm.
+[[nodiscard]] std::vector<double> layer_floors(double top, double floor, double thickest);
 
 // Largest radius of the flat part of the head's end: where the outline is within `depth` of the tip.
 [[nodiscard]] double flat_radius(const Bur& bur, double depth);
