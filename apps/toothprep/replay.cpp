@@ -3,6 +3,7 @@
 #include "toothprep/step/session/replay.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -253,11 +254,13 @@ void run(const Options& o, const Common& common) {
   trace.rows = std::move(r.rows);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
-  write_trace(o.trace_every > 1 ? every_nth_row(trace, o.trace_every) : trace, output);
-  if (!prepared.empty()) {
-    apply_cut(tooth, workpiece.cut());
-    write_tooth(tooth, prepared);
-  }
+  tbb::parallel_invoke(
+      [&] { write_trace(o.trace_every > 1 ? every_nth_row(trace, o.trace_every) : trace, output); },
+      [&] {
+        if (prepared.empty()) return;
+        apply_cut(tooth, workpiece.cut());
+        write_tooth(tooth, prepared);
+      });
   std::optional<double> element_mm;
   if (parameters.engine == EngineKind::kLevelset) element_mm = element_size(bur, parameters);
   const Json report =

@@ -192,11 +192,52 @@ Int32Grid::Ptr body_grid(const LayeredTooth& tooth) {
 // not report a full disk.
 class MemoryArchive : public openvdb::io::Archive {
  public:
-  void write_to(std::ostream& out, const openvdb::GridCPtrVec& grids,
-                const openvdb::MetaMap& meta) const {
-    Archive::write(out, grids, /*seekable=*/true, meta);  // seekable: with the grids' offsets
+  MemoryArchive() {
+    setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
+  }
+  std::string bytes(const openvdb::GridCPtrVec& grids, const openvdb::MetaMap& meta) const {
+    std::ostringstream memory;
+    Archive::write(memory, grids, /*seekable=*/true, meta);  // seekable: with the grids' offsets
+    return std::move(memory).str();
   }
 };
+
+// The bytes of an archive of these grids, which are compressed side by side: each in an archive of
+// its own, whose offsets, those of the grid, of its voxels and of its end, are then moved.
+std::string archive_of(const openvdb::GridPtrVec& grids, const openvdb::MetaMap& meta) {
+  std::vector<std::string> parts(grids.size());
+  std::string whole;
+  tbb::parallel_for(std::size_t{0}, grids.size() + 1, [&](std::size_t n) {
+    if (n == grids.size())
+      whole = MemoryArchive().bytes({}, meta);
+    else
+      parts[n] = MemoryArchive().bytes({grids[n]}, {});
+  });
+  const std::size_t head = MemoryArchive().bytes({}, {}).size();
+  const auto count = static_cast<std::int32_t>(grids.size());
+  std::memcpy(&whole[whole.size() - sizeof count], &count, sizeof count);
+  std::size_t size = whole.size();
+  for (const std::string& part : parts) size += part.size() - head;
+  whole.reserve(size);
+  for (std::size_t n = 0; n < parts.size(); ++n) {
+    // Before the offsets stand three texts: the grid's name and type, and that of no other grid.
+    std::size_t at = head;
+    for (int text = 0; text < 3; ++text) {
+      std::uint32_t length = 0;
+      std::memcpy(&length, &parts[n][at], sizeof length);
+      at += sizeof length + length;
+    }
+    for (int k = 0; k < 3; ++k, at += sizeof(std::int64_t)) {
+      std::int64_t offset = 0;
+      std::memcpy(&offset, &parts[n][at], sizeof offset);
+      offset += static_cast<std::int64_t>(whole.size()) - static_cast<std::int64_t>(head);
+      std::memcpy(&parts[n][at], &offset, sizeof offset);
+    }
+    whole.append(parts[n], head);
+    std::string().swap(parts[n]);
+  }
+  return whole;
+}
 
 // ---- Reading
 
@@ -815,11 +856,7 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
   });
   // Programs that rewrite a .vdb tend to keep the grids' metadata and drop the file's.
   for (const auto& grid : grids) grid->insertMeta(kHashKey, *meta[kHashKey]);
-  std::ostringstream memory;
-  MemoryArchive archive;
-  archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
-  archive.write_to(memory, openvdb::GridCPtrVec(grids.begin(), grids.end()), meta);
-  std::string bytes = std::move(memory).str();
+  std::string bytes = archive_of(grids, meta);
   if (bytes.size() < kIdOffset + kIdLength || !looks_like_uuid(bytes.data() + kIdOffset))
     throw Error(path + ": this version of OpenVDB writes a header that toothprep does not know");
   const std::string id = id_of_content(bytes);
