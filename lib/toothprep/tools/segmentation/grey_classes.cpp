@@ -167,6 +167,12 @@ void classes_from_peaks(const std::vector<float>& homogeneous, double low, doubl
                      from_top(0) - from_top(1) > kMetalGap * (from_top(1) - from_top(2)) &&
                      from_top(0) - darkest > kMetalContrast * (from_top(1) - darkest);
   const std::size_t top = metal ? 1 : 0;
+  // An even layer of thin enamel has a peak of its own, between dentin and enamel. There is less of
+  // it than a tooth has dentin (layers with less dentin are refused: plausibility.h).
+  constexpr double kLeastDentin = 0.25;  // of the enamel
+  while (peaks.size() >= top + 4 &&
+         peaks[peaks.size() - 2 - top].mass < kLeastDentin * peaks[peaks.size() - 1 - top].mass)
+    peaks.erase(peaks.end() - 2 - static_cast<std::ptrdiff_t>(top));
   classes.enamel = from_top(top);
   classes.dentin = from_top(top + 1);
   classes.below_dentin = from_top(top + 2);

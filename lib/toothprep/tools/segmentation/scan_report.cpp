@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <vector>
 
@@ -81,12 +82,17 @@ void write_histogram(const std::string& path, const ImageVolume<float>& scan,
 }
 
 void write_slice(const std::string& path, int axis, const ImageVolume<float>* scan,
-                 const LayeredTooth& tooth, const VoxelBox& box) {
+                 const LayeredTooth& tooth, const VoxelBox& box,
+                 const SurfaceUncertainty& uncertainty) {
   const int u = axis == 0 ? 1 : 0, v = axis == 2 ? 1 : 2;
   CsvWriter out(path);
-  for (const char* name : {"u_mm", "v_mm", "grey", "tissue"}) out.text(name);
+  for (const char* name : {"u_mm", "v_mm", "grey", "tissue", "half_width_mm"}) out.text(name);
   out.end_row();
   Index3 at = box.first + box.size / 2;
+  std::map<std::pair<int, int>, float> half_width;  // of the plane's places
+  for (const SurfaceUncertainty::Place& place : uncertainty.places)
+    if (place.voxel[axis] == at[axis])
+      half_width[{place.voxel[u], place.voxel[v]}] = place.half_width;
   for (at[v] = box.first[v]; at[v] < box.first[v] + box.size[v]; ++at[v])
     for (at[u] = box.first[u]; at[u] < box.first[u] + box.size[u]; ++at[u]) {
       const Vec3 x = tooth.lattice.to_world(at);
@@ -94,6 +100,8 @@ void write_slice(const std::string& path, int axis, const ImageVolume<float>* sc
       out.number(x[v]);
       out.number(scan ? grey_at(*scan, x) : std::nan(""));
       out.number(tooth.tissue.value(at.x(), at.y(), at.z()));
+      const auto found = half_width.find({at[u], at[v]});
+      out.number(found == half_width.end() ? std::nan("") : found->second);
       out.end_row();
     }
   out.close();
@@ -192,6 +200,16 @@ void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
     j["grey_dentin"] = report.dentin;
     j["grey_enamel"] = report.enamel;
     j["grey_pulp"] = report.pulp;
+    if (report.blur_fwhm_mm > 0) {
+      j["blur_fwhm_mm"] = report.blur_fwhm_mm;
+      j["thin_enamel_mm2"] = report.thin_enamel_mm2;
+    }
+  }
+  for (std::size_t s = 0; s < report.uncertainty.figures.size(); ++s) {
+    const SurfaceUncertainty::Figures& f = report.uncertainty.figures[s];
+    if (f.places > 0)
+      j["half_width_mm"][kScanSurfaceNames[s]] = {
+          {"rms", f.half_width}, {"median", f.median}, {"p95", f.p95}, {"places", f.places}};
   }
   const EnamelThickness t = enamel_thickness(tooth);
   if (t.points > 0)
@@ -206,7 +224,8 @@ void write_scan_report(const std::string& folder, const LayeredTooth& tooth,
   const VoxelBox box = voxels_of(tooth);
   const char* names[3] = {"x", "y", "z"};
   for (int axis = 0; axis < 3; ++axis)
-    write_slice(folder + "/slice-" + names[axis] + ".csv", axis, scan, tooth, box);
+    write_slice(folder + "/slice-" + names[axis] + ".csv", axis, scan, tooth, box,
+                report.uncertainty);
 }
 
 }  // namespace toothprep

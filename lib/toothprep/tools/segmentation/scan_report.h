@@ -20,8 +20,8 @@ struct EnamelThickness {
 EnamelThickness enamel_thickness(const LayeredTooth& tooth);
 
 // Writes into the existing folder: report.json (schema toothprep-scan-report: volumes, thresholds,
-// greys, thickness, notes), histogram.csv (grey,count: of the scan within the tooth's box and 2 mm
-// around it), and slice-x.csv, slice-y.csv, slice-z.csv (u_mm,v_mm,grey,tissue: the planes through
+// greys, half widths of the surfaces, thickness, notes), histogram.csv (grey,count: of the scan within the tooth's box and 2 mm
+// around it), and slice-x.csv, slice-y.csv, slice-z.csv (u_mm,v_mm,grey,tissue,half_width_mm: the planes through
 // the middle of the solid's box, across that axis). Greys are those kept in the report, averaged
 // where the scan is finer than the tooth; a segmentation has none. scripts/plot-scan-report draws
 // them. `version` and `build` are the program's. Throws Error if a file can't be written.

@@ -15,6 +15,7 @@
 
 #include "toothprep/step/tooth/layered_tooth.h"
 #include "toothprep/tools/io/image_volume.h"
+#include "toothprep/tools/io/scan_uncertainty.h"
 #include "toothprep/tools/scan_files/scan_source.h"
 
 namespace toothprep {
@@ -26,6 +27,7 @@ struct VoxelizeOptions {  // of scans; of labels `voxel`, the tooth, smoothing a
   // Borders pulp|dentin and dentin|enamel that are typical of this kind of scan: they only separate the
   // classes apart, the thresholds are then measured. Not with `thresholds`.
   std::optional<std::array<double, 2>> typical;
+  bool thin_enamel = true;  // find enamel that is too thin to reach its grey (thin_enamel.h)
   // Which one of several teeth: the n-th largest piece, or the one at a place (mm, W).
   int tooth = 1;
   std::optional<Vec3> tooth_at;  // wins over `tooth`
@@ -42,8 +44,12 @@ struct VoxelizeOptions {  // of scans; of labels `voxel`, the tooth, smoothing a
 struct VoxelizeReport {
   double threshold_dentin = 0, threshold_enamel = 0;          // grey values; of a grey scan only
   double surroundings = 0, dentin = 0, enamel = 0, pulp = 0;  // typical grey values; pulp 0 if none
-  std::vector<std::string> notes;                             // what a user ought to look at
-  ImageVolume<float> greys;  // of the scan, no finer than the tooth; if they were to be kept
+  // Full width at half maximum of all that blurs the surface, voxels included, mm; 0 if not known or
+  // not asked for (thin_enamel). Enamel's outer surface where it is too thin to reach its grey.
+  double blur_fwhm_mm = 0, thin_enamel_mm2 = 0;
+  SurfaceUncertainty uncertainty;  // of a grey scan only
+  std::vector<std::string> notes;  // what a user ought to look at
+  ImageVolume<float> greys;        // of the scan, no finer than the tooth; if they were to be kept
 };
 
 // Grey scan to tooth: the chosen bright component, of dentin and enamel, and the dark cavity inside
@@ -52,8 +58,8 @@ struct VoxelizeReport {
 // 30 bytes a voxel), not with the scan. Throws Error when no tooth can be separated from its
 // surroundings (flat image, one class, nothing but noise) or when it looks like a segmentation,
 // naming what was found, when its two brightest classes can't be dentin and enamel (plausibility.h),
-// or when the tooth would take more memory than there is. Provenance gets threshold_dentin and
-// threshold_enamel.
+// or when the tooth would take more memory than there is. Provenance gets threshold_dentin,
+// threshold_enamel and what record_scan_half_widths() writes.
 [[nodiscard]] LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
                                          VoxelizeReport* report = nullptr);
 [[nodiscard]] LayeredTooth voxelize_scan(const ImageVolume<float>& scan,

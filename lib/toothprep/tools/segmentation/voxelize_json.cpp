@@ -35,6 +35,13 @@ std::string voxelize_json(const LayeredTooth& tooth, const std::string& file, do
     json["grey_surroundings"] = grey_scan->surroundings;
     json["grey_dentin"] = grey_scan->dentin;
     json["grey_enamel"] = grey_scan->enamel;
+    const ScanHalfWidths widths = grey_scan->uncertainty.half_widths();
+    for (std::size_t s = 0; s < widths.size(); ++s)
+      if (widths[s] > 0) json["half_width_mm"][kScanSurfaceNames[s]] = widths[s];
+    if (grey_scan->blur_fwhm_mm > 0) {
+      json["blur_fwhm_mm"] = grey_scan->blur_fwhm_mm;
+      json["thin_enamel_mm2"] = grey_scan->thin_enamel_mm2;
+    }
   }
   return json_text(json);
 }

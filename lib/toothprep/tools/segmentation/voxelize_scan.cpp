@@ -4,12 +4,16 @@
 #include <utility>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/segmentation/blurred_step.h"
 #include "toothprep/tools/segmentation/cavity.h"
 #include "toothprep/tools/segmentation/dense_filters.h"
 #include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/metal_surface.h"
 #include "toothprep/tools/segmentation/near_distance.h"
 #include "toothprep/tools/segmentation/plausibility.h"
 #include "toothprep/tools/segmentation/scan_survey.h"
+#include "toothprep/tools/segmentation/surface_uncertainty.h"
+#include "toothprep/tools/segmentation/thin_enamel.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
@@ -36,22 +40,23 @@ Field resample(const ImageVolume<float>& scan, const WorkBox& box, double outsid
   return grey;
 }
 
-// The field of a value for each voxel.
-template <class ValueAt>
-SignedField signed_field(const WorkBox& box, const ValueAt& value_at) {
+// The field of a value for each voxel. `amend` may change a plane's values: its first voxel, how many
+// there are, the values.
+template <class ValueAt, class Amend>
+SignedField signed_field(const WorkBox& box, const ValueAt& value_at, const Amend& amend) {
   const std::size_t plane = box.voxels() / static_cast<std::size_t>(box.size.z());
   return SignedField(box.size, [&](int k, float* values) {
     const std::size_t first = static_cast<std::size_t>(k) * plane;
     for (std::size_t v = 0; v < plane; ++v) values[v] = value_at(first + v);
+    amend(first, plane, values);
   });
 }
 
-// Noise of the surroundings, and the smoothing (in output voxels) that brings it down to a seventh
-// of the half contrasts that decide.
-double smoothing_for(const Field& grey, const GreyClasses& classes, double blur) {
+// Standard deviation of the surroundings' noise, of every n-th grey; 0 if there are too few.
+double noise_of(const Field& grey, const GreyClasses& classes, std::size_t n = 1) {
   Field below;
-  for (const float g : grey)
-    if (g < classes.threshold_dentin) below.push_back(g);
+  for (std::size_t v = 0; v < grey.size(); v += n)
+    if (grey[v] < classes.threshold_dentin) below.push_back(grey[v]);
   if (below.size() < 100) return 0;
   const auto median = [](Field& values) {
     std::nth_element(values.begin(),
@@ -60,7 +65,12 @@ double smoothing_for(const Field& grey, const GreyClasses& classes, double blur)
   };
   const float centre = median(below);
   for (float& g : below) g = std::abs(g - centre);
-  const double noise = 1.4826 * median(below);
+  return 1.4826 * median(below);
+}
+
+// The smoothing (in output voxels) that brings noise down to a seventh of the half contrasts that
+// decide.
+double smoothing_for(double noise, const GreyClasses& classes, double blur) {
   const double contrast =
       0.5 * std::min(classes.dentin - classes.surroundings, classes.enamel - classes.dentin);
   for (const double sigma : {0.0, 0.5, 0.7, 0.9, 1.1}) {
@@ -104,30 +114,19 @@ double far_depth(double blur) { return std::max(skin_depth(blur), kReach) + 2 * 
 // Below the outer surface greys are mixed with the surroundings': over enamel they pass through
 // dentin's, which by thresholds alone would put a layer of dentin on the enamel. So a voxel takes
 // the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
-// and never under dentin. `depth` is the depth below the surface at voxel accuracy.
+// and never under dentin. `depth` is the depth below the surface at voxel accuracy, `level` a field
+// whose gradient points inwards.
 UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Field& depth,
-                                const GreyClasses& classes, double blur) {
+                                Field level, const GreyClasses& classes, double blur) {
   const std::size_t n = box.voxels();
   const double skin = skin_depth(blur);
   UnderSurface under{grey, Field(n, 0.0f), Mask(n, 0)};
-
-  Field level(n);  // whose gradient points inwards
-  const auto far = static_cast<float>(far_depth(blur));
-  for (std::size_t v = 0; v < n; ++v) level[v] = std::clamp(depth[v], -far, far);
-  smooth(box.size, level, std::max(1.0, 0.5 * blur));
 
   const double step = 0.5 * blur;
   box.for_each([&](int i, int j, int k, std::size_t v) {
     if (depth[v] <= -kReach || depth[v] >= skin) return;
     const Index3 index(i, j, k);
-    Vec3 inwards;
-    for (int a = 0; a < 3; ++a) {
-      Index3 p = index, q = index;
-      p[a] = std::max(p[a] - 1, 0);
-      q[a] = std::min(q[a] + 1, box.size[a] - 1);
-      inwards[a] = level[box.offset(q.x(), q.y(), q.z())] - level[box.offset(p.x(), p.y(), p.z())];
-    }
-    if (inwards.squaredNorm() > 0) inwards.normalize();
+    const Vec3 inwards = inwards_at(box, level, index);
     const auto at_depth = [&](double s) {
       return trilinear(box.size, grey, index.cast<double>() + inwards * (s - depth[v]));
     };
@@ -153,10 +152,35 @@ UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Fie
   return under;
 }
 
-// Zero where the grey is half-way between the surroundings and the tissue underneath.
-SignedField solid_field(const WorkBox& box, const Field& grey, const Mask& rough,
-                        const Cavity& cavity, const UnderSurface& under,
-                        const GreyClasses& classes) {
+// What greys along the surface's normals show.
+struct AlongNormals {
+  double sigma = 0;       // of the scan's blur, voxels
+  bool measured = false;  // else that is what is usual
+  ThinEnamel thin;        // applied to what lies under the surface
+  MetalSurface metal;
+};
+
+// Calls work(voxel, value) for what of the metal's surface lies in a plane.
+template <class Work>
+void for_each_in_plane(const MetalSurface& metal, std::size_t first, std::size_t count,
+                       float* values, const Work& work) {
+  auto v = std::lower_bound(
+      metal.voxels.begin(), metal.voxels.end(), first,
+      [](const MetalSurface::Voxel& voxel, std::size_t at) { return voxel.at < at; });
+  for (; v != metal.voxels.end() && v->at < first + count; ++v) work(*v, values[v->at - first]);
+}
+
+// How far a voxel lies below the metal's surface, as a share of the step there.
+float below_metal(const MetalSurface::Voxel& v, double sigma, double most) {
+  return signed_as(v.inside > 0,
+                   static_cast<float>(std::clamp(steepest(sigma) * v.inside, -most, most)));
+}
+
+// Zero where the grey is half-way between the surroundings and the tissue underneath. Where air is
+// beyond metal, the solid ends where the metal does.
+SignedField solid_field(const WorkBox& box, const Field& grey, const Field& depth,
+                        const Mask& rough, const Cavity& cavity, const UnderSurface& under,
+                        const AlongNormals& along, const GreyClasses& classes, double blur) {
   const double over_dentin = classes.threshold_dentin;
   const double over_enamel = std::max(over_dentin, 0.5 * (classes.surroundings + classes.enamel));
   const double contrast = classes.dentin - classes.surroundings;
@@ -176,7 +200,15 @@ SignedField solid_field(const WorkBox& box, const Field& grey, const Mask& rough
   box.for_each([&](int, int, int, std::size_t v) { solid[v] = value_at(v) > 0; });
   keep_largest_component(box.size, solid);
   fill_enclosed(box.size, solid);
-  return signed_field(box, [&](std::size_t v) { return signed_as(solid[v], value_at(v)); });
+  const auto end_at_metal = [&](const MetalSurface::Voxel& v, float& value) {
+    if (v.outer < classes.threshold_dentin && depth[v.at] < skin_depth(blur))
+      value = below_metal(v, along.sigma, 1);
+  };
+  return signed_field(
+      box, [&](std::size_t v) { return signed_as(solid[v], value_at(v)); },
+      [&](std::size_t first, std::size_t count, float* values) {
+        for_each_in_plane(along.metal, first, count, values, end_at_metal);
+      });
 }
 
 // The grey that parts dentin and enamel at a depth below the surface (voxels). A layer of enamel
@@ -190,41 +222,34 @@ float enamel_border(const GreyClasses& classes, double depth, double blur) {
   return static_cast<float>(classes.dentin + share * (classes.enamel - classes.dentin));
 }
 
-// Where it is too bright for enamel, to the half-way grey; empty if it is nowhere. The blurred
-// border of metal passes through enamel's greys: what is enamel only there, with no enamel farther
-// from the metal near by, goes to metal and dentin.
-Mask metal_of(const WorkBox& box, const Field& grey, const Field& depth, const UnderSurface& under,
-              const GreyClasses& classes, double blur, const Mask& domain, Mask& enamel) {
-  if (!classes.threshold_metal) return {};
-  const std::size_t n = box.voxels();
-  Field bright;
-  for (std::size_t v = 0; v < n; ++v)
-    if (domain[v] && grey[v] > *classes.threshold_metal) bright.push_back(grey[v]);
-  if (bright.empty()) return {};
-  const auto typical =
-      bright.begin() + static_cast<std::ptrdiff_t>(0.75 * static_cast<double>(bright.size()));
-  std::nth_element(bright.begin(), typical, bright.end());
-  const double border = 0.5 * (classes.enamel + *typical);
-  Mask metal(n), sure(n);
-  for (std::size_t v = 0; v < n; ++v) metal[v] = domain[v] && grey[v] > border;
-  const double reach = 2 * blur;
-  const NearDistance to_metal(box.size, metal, static_cast<int>(std::ceil(reach)));
-  for (std::size_t v = 0; v < n; ++v) sure[v] = enamel[v] && to_metal[v] > reach;
-  const NearDistance to_sure(box.size, sure, static_cast<int>(std::ceil(reach + 0.5 * blur)));
-  for (std::size_t v = 0; v < n; ++v) {
-    if (!enamel[v] || to_metal[v] > reach) continue;
-    const bool skin = depth[v] < 1.5 * blur && under.plateau[v] > border && to_metal[v] <= blur;
-    const bool halo = to_sure[v] > reach + 0.5 * blur;
-    metal[v] = metal[v] || skin || (halo && to_metal[v] <= 0.5 * blur);
-    if (metal[v] || halo) enamel[v] = 0;
+// Enamel that is too thin for enamel_border(): there the tissue's grey is what gives the fitted
+// border, and the surface's threshold what the fitted layer has at its surface.
+void apply_thin_enamel(const ThinEnamel& thin, const Field& depth, const GreyClasses& classes,
+                       double sigma, double blur, UnderSurface& under) {
+  const double slope = steepest(sigma);  // of a blurred border
+  for (const ThinEnamel::Voxel& v : thin.voxels) {
+    const double share = std::clamp(slope * v.above, -0.5, 0.5);
+    under.plateau[v.at] = enamel_border(classes, depth[v.at], blur) +
+                          static_cast<float>(share * (classes.enamel - classes.dentin));
+    if (under.near[v.at]) under.cover[v.at] = v.cover;
   }
-  return metal;
 }
 
-// The tissues against each other, by their greys without the surroundings' share.
+// Its voxels; what lies within the blur around it is enamel or dentin by the greys beyond that.
+Mask metal_of(const MetalSurface& metal, const GreyClasses& classes, Mask& enamel) {
+  Mask inside = metal.metal;
+  for (const MetalSurface::Voxel& v : metal.voxels) {
+    inside[v.at] = v.inside > 0;
+    enamel[v.at] = v.inside <= 0 && v.outer > classes.threshold_enamel;
+  }
+  return inside;
+}
+
+// The tissues against each other, by their greys without the surroundings' share; beside metal they
+// end at its surface, between voxels.
 void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth,
-                       const Cavity& cavity, const UnderSurface& under, const GreyClasses& classes,
-                       double blur, ToothFields& fields) {
+                       const Cavity& cavity, const UnderSurface& under, const AlongNormals& along,
+                       const GreyClasses& classes, double blur, ToothFields& fields) {
   const std::size_t n = box.voxels();
   Mask solid(n), domain(n), enamel(n);
   const auto above_border = [&](std::size_t v) {
@@ -235,7 +260,7 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
     domain[v] = depth[v] > -kReach;
     enamel[v] = domain[v] && under.plateau[v] > enamel_border(classes, depth[v], blur);
   }
-  const Mask metal = metal_of(box, grey, depth, under, classes, blur, domain, enamel);
+  const Mask metal = metal_of(along.metal, classes, enamel);
   // First in the solid alone, where an island can't hide behind its connection through the outside.
   clean_islands(box, solid, cavity.mask, enamel);
   clean_islands(box, domain, cavity.mask, enamel);
@@ -260,8 +285,16 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
                                                 : in_pulp(v)       ? Tissue::kPulp
                                                 : of_enamel(v) > 0 ? Tissue::kEnamel
                                                                    : Tissue::kDentin);
+  const auto end_at_metal = [&](const MetalSurface::Voxel& v, float& value) {
+    const float inside = below_metal(v, along.sigma, 0.5);
+    value = inside > 0 ? -inside : std::min(value, -inside);
+  };
   const auto field_of = [&](const auto& value) {
-    return signed_field(box, [&](std::size_t v) { return in_metal(v) ? -0.5f : value(v); });
+    return signed_field(
+        box, [&](std::size_t v) { return in_metal(v) ? -0.5f : value(v); },
+        [&](std::size_t first, std::size_t count, float* values) {
+          for_each_in_plane(along.metal, first, count, values, end_at_metal);
+        });
   };
   fields.tissue[0] =
       field_of([&](std::size_t v) { return in_pulp(v) ? -of_pulp(v) : of_enamel(v); });
@@ -269,6 +302,42 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
     return has_pulp ? -std::max(of_enamel(v), of_pulp(v)) : -of_enamel(v);
   });
   if (has_pulp) fields.tissue[2] = field_of(of_pulp);
+}
+
+constexpr std::size_t kGreysOfNoise = 1000000;  // that noise is judged by
+
+// A scanner's range ends where many voxels have the very same highest value.
+std::optional<double> clip_of(const ScanSurvey& seen, std::size_t scan_voxels) {
+  if (static_cast<double>(seen.voxels_at_highest) > 1e-4 * static_cast<double>(scan_voxels) &&
+      seen.values.size() >= kManyValues)
+    return seen.highest;
+  return {};
+}
+
+AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std::size_t scan_voxels,
+                                const Field& grey, const Field& depth, const Field& level,
+                                const GreyClasses& classes, double blur, bool thin_enamel) {
+  AlongNormals result;
+  if (!thin_enamel && !classes.threshold_metal) return result;
+  const ImageVolume<float>& scan = *seen.greys;
+  {
+    const SurfaceProfiles profiles =
+        surface_profiles(box, scan, grey, depth, level, classes.threshold_dentin, blur);
+    const std::optional<double> sigma = edge_sigma(profiles, classes, blur);
+    constexpr double kUsual = 0.6;  // of the scan's voxel
+    result.measured = sigma.has_value();
+    result.sigma = sigma.value_or(kUsual * blur);
+    if (sigma && thin_enamel) {
+      const double noise = noise_of(scan.data, classes, 1 + scan.data.size() / kGreysOfNoise);
+      result.thin =
+          find_thin_enamel(box, profiles, depth, level, classes, *sigma, noise, blur, kReach);
+    }
+  }
+  Mask domain(box.voxels());
+  for (std::size_t v = 0; v < domain.size(); ++v) domain[v] = depth[v] > -kReach;
+  result.metal = find_metal_surface(box, scan, grey, domain, classes, clip_of(seen, scan_voxels),
+                                    result.sigma, blur);
+  return result;
 }
 
 // A segmentation read as greys would give a tooth all the same, of the wrong tissues.
@@ -355,9 +424,7 @@ void add_notes(const GreyClasses& classes, const ScanSurvey& seen, std::size_t s
     report.notes.push_back("what is brighter than " + short_number(*classes.threshold_metal) +
                            " is too bright for enamel (metal, a filling?); it is labelled other, "
                            "and borders beside it are uncertain");
-  // A scanner's range ends where many voxels have the very same highest value.
-  if (static_cast<double>(seen.voxels_at_highest) > 1e-4 * static_cast<double>(scan_voxels) &&
-      seen.values.size() >= kManyValues &&
+  if (clip_of(seen, scan_voxels) &&
       seen.highest > classes.enamel - 0.1 * (classes.enamel - classes.dentin))
     report.notes.push_back(std::to_string(seen.voxels_at_highest) +
                            " voxels have the scan's highest grey value " +
@@ -418,10 +485,8 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
                           [&](double read) { progress("reading the tooth", 0.35 + 0.1 * read); });
   Field grey = resample(*seen.greys, box, classes.surroundings);
   if (report) *report = {};
-  if (report && options.keep_greys) report->greys = std::move(*seen.greys);
-  seen.greys.reset();
   remove_others(box, classes, blur, grey);
-  smooth(box.size, grey, smoothing_for(grey, classes, blur));
+  smooth(box.size, grey, smoothing_for(noise_of(grey, classes), classes, blur));
 
   progress("finding the pulp", 0.5);
   Cavity cavity = find_cavity(box, grey, classes, blur, margin);
@@ -435,25 +500,36 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   fill_enclosed(box.size, rough);
 
   ToothFields fields;
+  AlongNormals along;
   {
     const Field depth =
         depth_below_surface(box.size, rough, static_cast<int>(std::ceil(far_depth(blur) + 0.5)));
-    const UnderSurface under = look_under_surface(box, grey, depth, classes, blur);
-    fields.solid = solid_field(box, grey, rough, cavity, under, classes);
+    Field level = inward_level(box, depth, std::max(skin_depth(blur), kReach), blur);
+    along = look_along_normals(box, seen, frame.voxels(), grey, depth, level, classes, blur,
+                               options.thin_enamel);
+    if (report && options.keep_greys) report->greys = std::move(*seen.greys);
+    seen.greys.reset();
+    UnderSurface under = look_under_surface(box, grey, depth, std::move(level), classes, blur);
+    apply_thin_enamel(along.thin, depth, classes, along.sigma, blur, under);
+    fields.solid = solid_field(box, grey, depth, rough, cavity, under, along, classes, blur);
     cavity.from_outside = {};
     progress("separating the tissues", 0.7);
-    add_tissue_fields(box, grey, depth, cavity, under, classes, blur, fields);
+    add_tissue_fields(box, grey, depth, cavity, under, along, classes, blur, fields);
   }
   if (!options.thresholds) {
     const std::string why = implausible_layers(layers_of(box, fields), classes);
     if (!why.empty()) throw Error(why);
   }
+  SurfaceUncertainty uncertainty =
+      surface_uncertainty(box, grey, noise_of(grey, classes, 1 + grey.size() / kGreysOfNoise),
+                          fields, classes, along.thin, blur);
   Field().swap(grey);
 
   progress("measuring distances", 0.8);
   LayeredTooth tooth = tooth_of(box, fields);
   tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
   tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
+  record_scan_half_widths(uncertainty.half_widths(), tooth.provenance);
   progress("done", 1);
   if (report) {
     report->threshold_dentin = classes.threshold_dentin;
@@ -462,6 +538,10 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
     report->dentin = classes.dentin;
     report->enamel = classes.enamel;
     report->pulp = cavity.grey;
+    report->thin_enamel_mm2 = along.thin.area * options.voxel * options.voxel;
+    report->uncertainty = std::move(uncertainty);
+    if (along.measured)
+      report->blur_fwhm_mm = 2 * std::sqrt(2 * std::log(2.0)) * along.sigma * options.voxel;
     report->notes = scan.notes();
     add_notes(classes, seen, frame.voxels(), box, cavity, options, *report);
   }

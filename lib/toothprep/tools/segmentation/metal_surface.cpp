@@ -1,0 +1,131 @@
+#include "toothprep/tools/segmentation/metal_surface.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "toothprep/tools/segmentation/blurred_step.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kLowLevel = 0.2, kHighLevel = 0.6;  // of the way from T to the clip, or to M
+
+struct MetalEdge {
+  double outer = 0;        // T
+  double low = 0, high = 0;  // x where the grey passes the two levels
+};
+
+std::optional<MetalEdge> edge_of(const SurfaceProfiles& profiles, std::size_t p, double top, double blur) {
+  MetalEdge edge;
+  edge.outer = profiles.mean(p, -3 * blur, -2 * blur);
+  if (!(edge.outer < top)) return {};
+  const auto low = profiles.first_above(p, edge.outer + kLowLevel * (top - edge.outer)),
+             high = profiles.first_above(p, edge.outer + kHighLevel * (top - edge.outer));
+  if (!low || !high || !(*high > *low)) return {};
+  edge.low = *low, edge.high = *high;
+  return edge;
+}
+
+// The metal's grey, from the top of what is seen: at most ten times as far from dentin.
+double grey_beyond(const std::vector<std::optional<MetalEdge>>& edges, double top, double dentin,
+                   double sigma) {
+  std::vector<const MetalEdge*> some;
+  const std::size_t every = 1 + edges.size() / 400;
+  for (std::size_t p = 0; p < edges.size(); p += every)
+    if (edges[p]) some.push_back(&*edges[p]);
+  double best = top, least = std::numeric_limits<double>::infinity();
+  for (double factor = 1; factor <= 10; factor *= 1.05) {
+    const double metal = dentin + factor * (top - dentin);
+    double sum = 0;
+    for (const MetalEdge* e : some) {
+      const double share = (top - e->outer) / (metal - e->outer);
+      const double width = sigma * (place_on_step(kHighLevel * share) - place_on_step(kLowLevel * share));
+      sum += std::abs(e->high - e->low - width);
+    }
+    if (sum < least) least = sum, best = metal;
+  }
+  return best;
+}
+
+// Of the places around the foot of a voxel on the surface.
+bool metal_around(const WorkBox& box, const SurfaceProfiles& profiles,
+                const std::vector<std::optional<MetalEdge>>& edges, const std::vector<double>& surface,
+                const Vec3& at, const Vec3& foot, MetalSurface::Voxel& voxel) {
+  const Index3 centre = foot.array().round().cast<int>();
+  double inside = 0, outer = 0;
+  int count = 0;
+  for (int n = 0; n < 27; ++n) {
+    const Index3 i = centre + Index3(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
+    if (i.minCoeff() < 0 || (box.size - i).minCoeff() <= 0) continue;
+    const std::int32_t p = profiles.place[box.offset(i.x(), i.y(), i.z())];
+    if (p < 0 || !edges[static_cast<std::size_t>(p)]) continue;
+    const auto u = static_cast<std::size_t>(p);
+    inside += (at - i.cast<double>()).dot(profiles.inwards[u]) - profiles.zero[u] - surface[u];
+    outer += edges[u]->outer;
+    ++count;
+  }
+  if (count == 0) return false;
+  voxel.inside = static_cast<float>(inside / count);
+  voxel.outer = static_cast<float>(outer / count);
+  return true;
+}
+
+}  // namespace
+
+MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& scan, const Field& grey,
+                                const Mask& domain, const GreyClasses& classes,
+                                std::optional<double> clip, double sigma, double blur) {
+  MetalSurface result;
+  if (!classes.threshold_metal) return result;
+  const std::size_t n = box.voxels();
+  Field bright;
+  for (std::size_t v = 0; v < n; ++v)
+    if (domain[v] && grey[v] > *classes.threshold_metal) bright.push_back(grey[v]);
+  if (bright.empty()) return result;
+  const auto typical =
+      bright.begin() + static_cast<std::ptrdiff_t>(0.75 * static_cast<double>(bright.size()));
+  std::nth_element(bright.begin(), typical, bright.end());
+  const double top = *typical, border = 0.5 * (classes.enamel + top);
+  result.metal.resize(n);
+  bool all = true, any = false;
+  for (std::size_t v = 0; v < n; ++v) {
+    result.metal[v] = domain[v] && grey[v] > border;
+    all = all && result.metal[v], any = any || result.metal[v];
+  }
+  if (all || !any) return MetalSurface();
+
+  const Field depth = depth_below_surface(box.size, result.metal);
+  const double reach = 3 * blur;
+  const Field level = inward_level(box, depth, reach, blur);
+  const SurfaceProfiles profiles = surface_profiles(box, scan, grey, depth, level, border, blur);
+  std::vector<std::optional<MetalEdge>> edges(profiles.count());
+  for (std::size_t p = 0; p < edges.size(); ++p) edges[p] = edge_of(profiles, p, top, blur);
+  const bool clipped = clip && *clip - top < 0.05 * (top - classes.enamel);
+  result.grey = clipped ? grey_beyond(edges, top, classes.dentin, sigma) : top;
+  std::vector<double> surface(edges.size());
+  for (std::size_t p = 0; p < edges.size(); ++p) {
+    if (!edges[p]) continue;
+    const double share = (top - edges[p]->outer) / (result.grey - edges[p]->outer);
+    surface[p] = 0.5 * (edges[p]->low - sigma * place_on_step(kLowLevel * share) + edges[p]->high -
+                        sigma * place_on_step(kHighLevel * share));
+  }
+  std::vector<std::vector<MetalSurface::Voxel>> planes(static_cast<std::size_t>(box.size.z()));
+  box.for_each([&](int i, int j, int k, std::size_t v) {
+    if (std::abs(depth[v]) >= reach) return;
+    const Index3 index(i, j, k);
+    const Vec3 at = index.cast<double>();
+    MetalSurface::Voxel voxel;
+    voxel.at = v;
+    if (metal_around(box, profiles, edges, surface, at,
+                   at - (depth[v] - 0.5) * inwards_at(box, level, index), voxel))
+      planes[static_cast<std::size_t>(k)].push_back(voxel);
+  });
+  for (const auto& plane : planes)
+    result.voxels.insert(result.voxels.end(), plane.begin(), plane.end());
+  return result;
+}
+
+}  // namespace toothprep

@@ -1,0 +1,241 @@
+// Enamel about as thin as a voxel of the scan: exact layers over dentin, and the molar's neck.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "toothprep/proof/specimen/molar.h"
+#include "toothprep/proof/specimen/synthetic_scan.h"
+#include "toothprep/tools/segmentation/dense_filters.h"
+#include "toothprep/tools/segmentation/voxelize.h"
+
+namespace toothprep {
+namespace {
+
+constexpr double kSpacing = 0.2;                        // mm, of the scans
+constexpr double kOfDentinsGrey = 0.03;                 // noise
+constexpr double kCap = 1.2;                            // mm of enamel, on the crown
+constexpr double kHalf = 2.5, kEnd = 4.5, kBand = 1.2;  // mm, of the post
+
+ImageVolume<float> floats(const SyntheticScan& scan) {
+  ImageVolume<float> image;
+  image.size = scan.image.size;
+  image.spacing = scan.image.spacing;
+  image.origin = scan.image.origin;
+  image.data.assign(scan.image.data.begin(), scan.image.data.end());
+  return image;
+}
+
+// A post of 5 mm, square (edges rounded by 0.8 mm) or round: enamel of kCap above z = 1.2, a band of
+// `thin` mm from -1.2 to 1.2, bare dentin below. Its outer surface runs straight through.
+struct Post {
+  bool round = false;
+  double thin = 0.2;  // mm
+  Mat3 turn = Mat3::Identity();
+
+  double outside(const Vec3& x) const {  // signed distance, mm
+    if (round) return std::max(std::hypot(x.x(), x.y()) - kHalf, std::abs(x.z()) - kEnd);
+    const double across = std::hypot(std::max(std::abs(x.x()) - (kHalf - 0.8), 0.0),
+                                     std::max(std::abs(x.y()) - (kHalf - 0.8), 0.0)) -
+                          0.8;
+    return std::max(across, std::abs(x.z()) - kEnd);
+  }
+  double layer(double z) const { return z > kBand ? kCap : z > -kBand ? thin : 0; }
+  ToothSample operator()(const Vec3& world) const {
+    const Vec3 x = turn.transpose() * world;
+    ToothSample s;
+    s.solid = static_cast<float>(outside(x));
+    const double z = x.z();
+    const bool enamel = s.solid < 0 && -s.solid < layer(z);
+    s.label = s.solid >= 0 ? Tissue::kAir : enamel ? Tissue::kEnamel : Tissue::kDentin;
+    // No closer than any border, for the scan's partial volumes.
+    const double borders = std::min({std::abs(-s.solid - thin), std::abs(-s.solid - kCap),
+                                     std::abs(z - kBand), std::abs(z + kBand)});
+    s.tissue.fill(static_cast<float>(borders));
+    return s;
+  }
+};
+
+Mat3 turned() {
+  return (Eigen::AngleAxisd(0.4, Vec3::UnitX()) * Eigen::AngleAxisd(0.3, Vec3::UnitY()) *
+          Eigen::AngleAxisd(0.5, Vec3::UnitZ()))
+      .toRotationMatrix();
+}
+
+ImageVolume<float> scan_of(const Post& post, double blur, std::uint64_t seed = 1) {
+  SyntheticScanOptions o;
+  o.spacing = Vec3::Constant(kSpacing);
+  o.blur_fwhm_voxels = blur;
+  o.noise = kOfDentinsGrey * o.grey[2];
+  o.seed = seed;
+  o.margin = 1;
+  const Vec3 half = post.turn.cwiseAbs() * Vec3(kHalf, kHalf, kEnd);
+  return floats(make_synthetic_scan(post, {-half, half}, o));
+}
+
+struct Found {
+  double kept = 0;       // share of the places that have enamel at the surface
+  double thickness = 0;  // mean there, mm
+  double within = 0;     // share of all places with a thickness within 30 %
+  double places = 0;
+};
+
+// Trilinear of a level set, mm.
+double at(const LevelSet& level_set, const Lattice& lattice, const Vec3& x) {
+  const Vec3 index = lattice.to_index(x), low = index.array().floor();
+  const Index3 i = low.cast<int>();
+  const Vec3 f = index - low;
+  double sum = 0;
+  for (int c = 0; c < 8; ++c) {
+    const Index3 n(c & 1, (c >> 1) & 1, c >> 2);
+    double w = 1;
+    for (int a = 0; a < 3; ++a) w *= n[a] ? f[a] : 1 - f[a];
+    sum += w * level_set.value(i.x() + n.x(), i.y() + n.y(), i.z() + n.z());
+  }
+  return sum;
+}
+
+// How much enamel there is on the way inwards from a place of the true surface.
+double enamel_below(const LayeredTooth& tooth, const Vec3& place, const Vec3& inwards) {
+  constexpr double kStep = 0.01;
+  double length = 0;
+  for (double s = -0.2; s < 1; s += kStep)
+    if (at(tooth.remains[0], tooth.lattice, place + s * inwards) < 0) length += kStep;
+  return length;
+}
+
+// On the faces' middles, z in low .. high: 0.6 mm off the band's ends.
+Found measure(const LayeredTooth& tooth, const Post& post, double low, double high, double truth) {
+  Found found;
+  double sum = 0;
+  for (double z = low; z <= high; z += 0.2)
+    for (int n = 0; n < 72; ++n) {
+      const double angle = n * M_PI / 36;
+      Vec3 out(std::cos(angle), std::sin(angle), 0), place = kHalf * out;
+      if (!post.round) {
+        out = Vec3(n % 4 == 0 ? 1 : n % 4 == 1 ? -1 : 0, n % 4 == 2 ? 1 : n % 4 == 3 ? -1 : 0, 0);
+        const double along = -1.5 + 3.0 / 17 * (n / 4);
+        place = kHalf * out + along * Vec3(out.y(), out.x(), 0);
+      }
+      place.z() = z;
+      const double t = enamel_below(tooth, post.turn * place, -(post.turn * out));
+      found.places += 1;
+      found.kept += t > 0.02;
+      sum += t > 0.02 ? t : 0;
+      found.within += std::abs(t - truth) <= 0.3 * truth;
+    }
+  found.thickness = sum / std::max(found.kept, 1.0);
+  found.kept /= found.places;
+  found.within /= found.places;
+  return found;
+}
+
+class ThinLayer : public ::testing::TestWithParam<std::tuple<double, bool, bool>> {};
+
+TEST_P(ThinLayer, IsKeptAndAsThickAsItIs) {
+  const auto [voxels, round, is_turned] = GetParam();
+  Post post{round, voxels * kSpacing, is_turned ? turned() : Mat3::Identity()};
+  const LayeredTooth tooth = voxelize_scan(scan_of(post, 1.0), {});
+  const Found found = measure(tooth, post, -0.6, 0.6, post.thin);
+  const Found root = measure(tooth, post, -3.9, -2.1, 1);
+  std::printf(
+      "%.1f voxels, %s, %s: kept %.3f, thickness %.3f of %.3f mm, within 30 %% %.3f; on the "
+      "root %.4f\n",
+      voxels, round ? "round" : "flat", is_turned ? "turned" : "straight", found.kept,
+      found.thickness, post.thin, found.within, root.kept);
+  std::fflush(stdout);
+  EXPECT_GE(found.kept, 0.9);
+  EXPECT_NEAR(found.thickness, post.thin, 0.3 * post.thin);
+  EXPECT_GE(found.within, 0.9);
+  EXPECT_LE(root.kept, 0.005);
+}
+
+INSTANTIATE_TEST_SUITE_P(Fixtures, ThinLayer,
+                         ::testing::Combine(::testing::Values(1.0, 1.5, 2.0), ::testing::Bool(),
+                                            ::testing::Bool()));
+
+TEST(ThinLayers, AreLostWithoutTheFit) {
+  const Post post{true, kSpacing, turned()};
+  VoxelizeOptions options;
+  options.thin_enamel = false;
+  const LayeredTooth tooth = voxelize_scan(scan_of(post, 1.0), options);
+  EXPECT_LT(measure(tooth, post, -0.6, 0.6, post.thin).kept, 0.1);
+}
+
+// Reconstructions that sharpen edges overshoot along bare dentin, too: by unsharp masking a surface
+// gets a rim of 6 % of its step, a sixth of the step to enamel.
+TEST(ThinLayers, AreNotSeenInTheOvershootOfASharpenedScan) {
+  const Post post{true, kSpacing, turned()};
+  ImageVolume<float> scan = scan_of(post, 1.5);
+  const std::vector<float> blurred = [&] {
+    std::vector<float> copy = scan.data;
+    smooth(scan.size, copy, 1.0);
+    return copy;
+  }();
+  for (std::size_t v = 0; v < blurred.size(); ++v)
+    scan.data[v] += 0.8f * (scan.data[v] - blurred[v]);
+  VoxelizeReport report;
+  const Found root = measure(voxelize_scan(scan, {}, &report), post, -3.9, -2.1, 1);
+  std::printf("sharpened: on the root %.4f\n", root.kept);
+  EXPECT_LE(root.kept, 0.005);
+}
+
+// The molar's enamel thins out to nothing at the neck. True thickness there: from the outer surface
+// along its normal to where the tissue is dentin.
+TEST(ThinEnamelOfTheMolar, IsKeptDownToAVoxel) {
+  for (const double blur : {0.5, 1.0}) {
+    SyntheticScanOptions o;
+    o.spacing = Vec3::Constant(kSpacing);
+    o.blur_fwhm_voxels = blur;
+    o.noise = kOfDentinsGrey * o.grey[2];
+    const SyntheticScan scan = make_molar_scan(o);
+    VoxelizeReport report;
+    const LayeredTooth tooth = voxelize_scan(floats(scan), {}, &report);
+    double places = 0, kept = 0, within = 0, roots = 0, wrong = 0, ratio = 0;
+    const Box box = molar_bounds();
+    const auto is = [](const Vec3& x, Tissue tissue) { return sample_molar(x).label == tissue; };
+    for (double z = box.min.z() + 1; z < 14; z += 0.25)
+      for (int n = 0; n < 90; ++n) {
+        // From outside towards the axis, to the surface.
+        const double angle = n * M_PI / 45;
+        const Vec3 axis(6.1, 5.5, z), out(std::cos(angle), std::sin(angle), 0);
+        double r = 8;
+        while (r > 0 && sample_molar(axis + r * out).solid > 0) r -= 0.02;
+        if (r <= 0) continue;
+        const Vec3 place = axis + r * out;
+        Vec3 inwards;
+        for (int a = 0; a < 3; ++a)
+          inwards[a] = sample_molar(place - 0.02 * Vec3::Unit(a)).solid -
+                       sample_molar(place + 0.02 * Vec3::Unit(a)).solid;
+        inwards.normalize();
+        double t = 0;
+        while (t < 1 && is(place + (t + 0.015) * inwards, Tissue::kEnamel)) t += 0.01;
+        const double found = enamel_below(tooth, place, inwards);
+        if (t < 0.01 && !is(place + 0.05 * inwards, Tissue::kEnamel) &&
+            !is(place + 0.05 * inwards + Vec3(0, 0, 0.4), Tissue::kEnamel)) {
+          roots += 1;
+          wrong += found > 0.02;
+        } else if (t >= kSpacing && t <= 2 * kSpacing) {
+          places += 1;
+          kept += found > 0.02;
+          within += std::abs(found - t) <= 0.3 * t;
+          ratio += found / t;
+        }
+      }
+    std::printf(
+        "molar, blur %.1f voxels: %.0f places with 1 to 2 voxels: kept %.3f, thickness %.3f of "
+        "the true, within 30 %% %.3f; %.0f on the roots: false %.4f; blur found %.2f voxels, "
+        "thin enamel %.1f mm2\n",
+        blur, places, kept / places, ratio / places, within / places, roots, wrong / roots,
+        report.blur_fwhm_mm / kSpacing, report.thin_enamel_mm2);
+    std::fflush(stdout);
+    EXPECT_GT(places, 100);
+    EXPECT_GE(kept / places, 0.9);
+    EXPECT_GE(within / places, 0.9);
+    EXPECT_GT(roots, 500);
+    EXPECT_LE(wrong / roots, 0.005);
+  }
+}
+
+}  // namespace
+}  // namespace toothprep
