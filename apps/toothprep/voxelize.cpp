@@ -40,7 +40,7 @@ struct Options {
   std::vector<double> roi;  // mm
   int component = 0;        // 0: not given
   bool allow_irregular = false;
-  bool repair = true, smooth_labels = true, force = false, json = false;
+  bool repair = true, smooth_labels = true, thin_enamel = true, force = false, json = false;
 };
 
 std::map<std::uint16_t, Tissue> parse_labels(const std::vector<std::string>& texts) {
@@ -184,6 +184,7 @@ ScanJob job_of(const Options& options) {
   if (!options.tooth.empty()) choose_tooth(options.tooth, job.how);
   job.how.one_tooth = !options.tooth.empty();
   job.how.smooth_labels = options.smooth_labels;
+  job.how.thin_enamel = options.thin_enamel;
   if (!options.hounsfield.empty()) {
     const auto presets = read_hounsfield_presets(presets_file());
     const HounsfieldPreset& preset = preset_named(presets, options.hounsfield);
@@ -301,6 +302,10 @@ void add_voxelize(CLI::App& app, const Common& common) {
                 "Surfaces of a segmentation without the steps of its voxels, each voxel's centre "
                 "staying in its tissue (the default); --no-smooth-labels keeps the steps")
       ->needs("--labels");
+  sub->add_flag("--thin-enamel,!--no-thin-enamel", options->thin_enamel,
+                "Of a scan: find enamel down to about one scan voxel by the greys along the "
+                "surface's normal (the default); --no-thin-enamel goes by thresholds only")
+      ->excludes("--labels");
   sub->add_option("--mesh", options->meshes,
                   "In place of a scan, surfaces (.stl .ply .obj .off, .gz of these), one per "
                   "option: enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the "

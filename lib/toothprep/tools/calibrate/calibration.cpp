@@ -9,6 +9,7 @@
 #include "toothprep/step/core/statistics.h"
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/calibrate/spindle.h"
+#include "toothprep/tools/io/scan_uncertainty.h"
 #include "toothprep/tools/recordings/rounding.h"
 #include "toothprep/tools/trajectory/smoothing.h"
 
@@ -136,6 +137,34 @@ void warn_of_stalls(const std::vector<MeasuredRecording>& recordings, double sta
                     torque, stall_torque));
 }
 
+// Where the bur touches enamel and dentin at once, how much of each depends on where their border is,
+// which a scan shows only so well. The intervals of u don't know of it.
+void warn_of_uncertain_border(const LayeredTooth& tooth, CalibrationResult& c) {
+  const auto widths = recorded_scan_half_widths(tooth.provenance);
+  const double border = widths ? (*widths)[static_cast<int>(ScanSurface::kEnamelDentin)] : 0;
+  if (!(border > 0)) return;
+  constexpr double kShareToSay = 0.1;
+  std::size_t contact = 0, both = 0;
+  for (const ForceBasis& basis : c.bases) {
+    const std::vector<double>&enamel = basis.tissue[0].torque, &dentin = basis.tissue[1].torque;
+    for (std::size_t i = 0; i < basis.size; ++i) {
+      const bool in_enamel = i < enamel.size() && enamel[i] > 0,
+                 in_dentin = i < dentin.size() && dentin[i] > 0;
+      contact += in_enamel || in_dentin;
+      both += in_enamel && in_dentin;
+    }
+  }
+  const double share = contact > 0 ? static_cast<double>(both) / static_cast<double>(contact) : 0;
+  if (share > kShareToSay)
+    c.fit.warnings.push_back(
+        fmt::format("{:.0f} % of the contact is with enamel and dentin at once, and the scan shows "
+                    "their border "
+                    "to +-{:.2g} mm only (95 %): the intervals of u and alpha leave that out; cut "
+                    "in one tissue "
+                    "at a time, farther from the border than that",
+                    100 * share, border));
+}
+
 void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
                  const std::vector<MeasuredRecording>& recordings,
                  const std::vector<RecordedMotion>& motions, const CalibrationSettings& settings,
@@ -160,6 +189,7 @@ void fit_imposed(const Bur& bur, const LayeredTooth& tooth,
                             {settings.fit_droop_exponent, settings.fit_rotor,
                              settings.parameters.handpiece, settings.fit.seed});
   warn_of_stalls(recordings, c.parameters.handpiece.stall_torque, c);
+  warn_of_uncertain_border(tooth, c);
   if (settings.laws.empty()) return;
   const auto compare_with = [&](const std::vector<ForceBasis>& bases) {
     std::vector<ComparedRecording> compared;

@@ -45,7 +45,8 @@ struct Bench {
   // What the cut surface is known to, mm. Both ends of a length may lie half a label off.
   double resolution() const { return std::max(voxel(), options.cut_label_spacing); }
   double length_uncertainty() const {
-    return std::max({voxel() / 2, options.cut_label_spacing, options.original_label_spacing / 2});
+    return std::max({voxel() / 2, options.cut_label_spacing, options.original_label_spacing / 2,
+                     std::sqrt(2.0) * options.cut_half_width});
   }
   void add(const std::string& key, double value, double uncertainty, const char* unit) {
     if (std::isfinite(value)) result.quantities.push_back({key, value, uncertainty, unit});

@@ -50,6 +50,8 @@ struct PreparationOptions {                         // what is measured, and fro
   // Spacing of the labels that a surface comes from, mm; 0: from none. Such a surface may lie half a
   // label off. What a bur cut here comes from none, whatever it was cut from.
   double cut_label_spacing = 0, original_label_spacing = 0;
+  // 95 % half width of where a scan shows the cut surface, mm; 0: it comes from none.
+  double cut_half_width = 0;
 };
 
 // What kind a cut is, judged by its walls and floors: a crown where most of the walls' area faces

@@ -11,6 +11,7 @@
 #include "toothprep/step/session/plausibility.h"
 #include "toothprep/tools/compare/cut_surface.h"
 #include "toothprep/tools/io/label_source.h"
+#include "toothprep/tools/io/scan_uncertainty.h"
 #include "toothprep/tools/orientation/estimate_frame.h"
 #include "toothprep/tools/score/body_damage.h"
 
@@ -221,20 +222,38 @@ void report_progress(const AssessmentOptions& options, const char* stage, double
   if (options.progress) options.progress(stage, done);
 }
 
+// 95 % half width of where a scan shows the outer surface, mm; 0 of a tooth that is from none, was cut
+// here, or whose file doesn't say. Says so in the notes.
+double noted_scan_half_width(const Solid& solid, const std::string& file,
+                             std::vector<std::string>& notes) {
+  const auto widths = recorded_scan_half_widths(solid.tooth.provenance);
+  if (!widths || !is_of_scan(solid)) return 0;
+  const double width = std::max((*widths)[static_cast<int>(ScanSurface::kEnamelOutside)],
+                                (*widths)[static_cast<int>(ScanSurface::kDentinOutside)]);
+  if (width > 0)
+    notes.push_back(file + fmt::format(": the scan shows its surface to +-{:.2g} mm (95 %); the "
+                                       "uncertainties include that",
+                                       width));
+  return width;
+}
+
 struct Compared {
   Assessment assessment;  // without the preparation
   double surface_tolerance_mm = 0, coarser_voxel_mm = 0;
   double original_label_spacing = 0, cut_label_spacing = 0;  // mm; 0: from no labels
+  double scan_half_width = 0;                                // mm, of what was cut; 0: from no scan
   bool pulp_exposed = false;
 };
 
 // Half width of the 95 % interval of a shift, mm, of the whole boundary of what was removed. In
 // labels each face of a cavity is uncertain by half a voxel either way, evenly: 2 x 0.29/sqrt(6)
-// voxels for the sum of six. Noise of 3 % in a scan shifts whole faces by less than a fiftieth of one.
+// voxels for the sum of six. Noise of 3 % in a scan shifts whole faces by less than a fiftieth of one;
+// what its file says of single places (half width h) could be the same all over a face: h/sqrt(6).
 double surface_shift_mm(const Compared& c, const Solid& prepared) {
   constexpr double kOfLabels = 0.24, kOfScans = 0.02;
   const bool of_scans = are_of_different_scans(prepared, c.assessment.original);
-  return std::max(kOfLabels * c.cut_label_spacing, of_scans ? kOfScans * c.coarser_voxel_mm : 0.0);
+  const double scans = std::max(kOfScans * c.coarser_voxel_mm, c.scan_half_width / std::sqrt(6.0));
+  return std::max(kOfLabels * c.cut_label_spacing, of_scans ? scans : 0.0);
 }
 
 Compared compared(const AssessmentOptions& options) {
@@ -258,6 +277,7 @@ Compared compared(const AssessmentOptions& options) {
   c.original_label_spacing = noted_label_spacing(result.original, options.original, sheet.notes);
   const double of_prepared = noted_label_spacing(prepared, options.prepared, sheet.notes);
   c.cut_label_spacing = prepared.tooth.parts ? 0 : of_prepared;
+  c.scan_half_width = noted_scan_half_width(prepared, options.prepared, sheet.notes);
   c.coarser_voxel_mm = std::max(voxel, prepared.tooth.lattice.voxel);
   sheet.voxel_mm = c.coarser_voxel_mm;
   report_progress(options, "laying them on each other", 0.2);
@@ -274,7 +294,8 @@ Compared compared(const AssessmentOptions& options) {
 
   report_progress(options, "comparing volumes", 0.4);
   const double resolution =
-      std::max({c.coarser_voxel_mm, c.cut_label_spacing, c.original_label_spacing / 2});
+      std::max({c.coarser_voxel_mm, c.cut_label_spacing, c.original_label_spacing / 2,
+                std::sqrt(2.0) * c.scan_half_width});
   const VolumeComparison volumes =
       compare_volumes(result.original, result.prepared, result.target ? &*result.target : nullptr,
                       c.surface_tolerance_mm);
@@ -318,6 +339,7 @@ Assessment assess(const AssessmentOptions& options) {
   PreparationOptions preparation = options.preparation;
   preparation.original_label_spacing = c.original_label_spacing;
   preparation.cut_label_spacing = c.cut_label_spacing;
+  preparation.cut_half_width = c.scan_half_width;
   preparation.cut_tolerance = c.surface_tolerance_mm;
   preparation.type = choose_type(options, result, preparation, sheet);
   sheet.type = kPreparationTypes[static_cast<std::size_t>(preparation.type)];
