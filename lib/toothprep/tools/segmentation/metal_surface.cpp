@@ -14,11 +14,12 @@ namespace {
 constexpr double kLowLevel = 0.2, kHighLevel = 0.6;  // of the way from T to the clip, or to M
 
 struct MetalEdge {
-  double outer = 0;        // T
+  double outer = 0;          // T
   double low = 0, high = 0;  // x where the grey passes the two levels
 };
 
-std::optional<MetalEdge> edge_of(const SurfaceProfiles& profiles, std::size_t p, double top, double blur) {
+std::optional<MetalEdge> edge_of(const SurfaceProfiles& profiles, std::size_t p, double top,
+                                 double blur) {
   MetalEdge edge;
   edge.outer = profiles.mean(p, -3 * blur, -2 * blur);
   if (!(edge.outer < top)) return {};
@@ -42,7 +43,8 @@ double grey_beyond(const std::vector<std::optional<MetalEdge>>& edges, double to
     double sum = 0;
     for (const MetalEdge* e : some) {
       const double share = (top - e->outer) / (metal - e->outer);
-      const double width = sigma * (place_on_step(kHighLevel * share) - place_on_step(kLowLevel * share));
+      const double width =
+          sigma * (place_on_step(kHighLevel * share) - place_on_step(kLowLevel * share));
       sum += std::abs(e->high - e->low - width);
     }
     if (sum < least) least = sum, best = metal;
@@ -52,8 +54,9 @@ double grey_beyond(const std::vector<std::optional<MetalEdge>>& edges, double to
 
 // Of the places around the foot of a voxel on the surface.
 bool metal_around(const WorkBox& box, const SurfaceProfiles& profiles,
-                const std::vector<std::optional<MetalEdge>>& edges, const std::vector<double>& surface,
-                const Vec3& at, const Vec3& foot, MetalSurface::Voxel& voxel) {
+                  const std::vector<std::optional<MetalEdge>>& edges,
+                  const std::vector<double>& surface, const Vec3& at, const Vec3& foot,
+                  const Vec3& inwards, MetalSurface::Voxel& voxel) {
   const Index3 centre = foot.array().round().cast<int>();
   double inside = 0, outer = 0;
   int count = 0;
@@ -63,7 +66,9 @@ bool metal_around(const WorkBox& box, const SurfaceProfiles& profiles,
     const std::int32_t p = profiles.place[box.offset(i.x(), i.y(), i.z())];
     if (p < 0 || !edges[static_cast<std::size_t>(p)]) continue;
     const auto u = static_cast<std::size_t>(p);
-    inside += (at - i.cast<double>()).dot(profiles.inwards[u]) - profiles.zero[u] - surface[u];
+    // With both normals a sphere's curvature falls out: its points have no distance from each other.
+    const Vec3 normal = 0.5 * (profiles.inwards[u] + inwards);
+    inside += (at - i.cast<double>()).dot(normal) - profiles.zero[u] - surface[u];
     outer += edges[u]->outer;
     ++count;
   }
@@ -75,8 +80,8 @@ bool metal_around(const WorkBox& box, const SurfaceProfiles& profiles,
 
 }  // namespace
 
-MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& scan, const Field& grey,
-                                const Mask& domain, const GreyClasses& classes,
+MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& scan,
+                                const Field& grey, const Mask& domain, const GreyClasses& classes,
                                 std::optional<double> clip, double sigma, double blur) {
   MetalSurface result;
   if (!classes.threshold_metal) return result;
@@ -119,8 +124,9 @@ MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& sc
     const Vec3 at = index.cast<double>();
     MetalSurface::Voxel voxel;
     voxel.at = v;
-    if (metal_around(box, profiles, edges, surface, at,
-                   at - (depth[v] - 0.5) * inwards_at(box, level, index), voxel))
+    const Vec3 inwards = inwards_at(box, level, index);
+    if (metal_around(box, profiles, edges, surface, at, at - (depth[v] - 0.5) * inwards, inwards,
+                     voxel))
       planes[static_cast<std::size_t>(k)].push_back(voxel);
   });
   for (const auto& plane : planes)
