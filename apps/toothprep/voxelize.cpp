@@ -259,6 +259,25 @@ void run(const Options& options, const Common& common) {
     run_meshes(options, common);
 }
 
+void add_mesh_options(CLI::App& sub, Options& options) {
+  sub.add_option("--mesh", options.meshes,
+                 "In place of a scan, surfaces (.stl .ply .obj .off, .gz of these), one per "
+                 "option: enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the "
+                 "inner tissue wins. NAME[:KIND]/enamel=FILE and so on are of another body (a "
+                 "neighbour, gum). Small faults are mended and open sides closed, with warnings")
+      ->allow_extra_args(false)
+      ->excludes("--labels")
+      ->excludes("--thresholds")
+      ->excludes("--hounsfield")
+      ->excludes("--spacing-mm")
+      ->excludes("--thin-enamel");
+  sub.add_option("--enamel-mm", options.enamel_mm,
+                 "Layers for a single --mesh FILE that has none, by a model: enamel of this "
+                 "thickness, thinning out towards an open neck; no pulp")
+      ->check(CLI::Range(0.1, 5.0));
+  add_mesh_unit(sub, options.length_unit);
+}
+
 }  // namespace
 
 void add_voxelize(CLI::App& app, const Common& common) {
@@ -306,21 +325,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
                 "Of a scan: find enamel down to about one scan voxel by the greys along the "
                 "surface's normal (the default); --no-thin-enamel goes by thresholds only")
       ->excludes("--labels");
-  sub->add_option("--mesh", options->meshes,
-                  "In place of a scan, surfaces (.stl .ply .obj .off, .gz of these), one per "
-                  "option: enamel=FILE, dentin=FILE, pulp=FILE, other=FILE; where they overlap the "
-                  "inner tissue wins. NAME[:KIND]/enamel=FILE and so on are of another body (a "
-                  "neighbour, gum). Small faults are mended and open sides closed, with warnings")
-      ->allow_extra_args(false)
-      ->excludes("--labels")
-      ->excludes("--thresholds")
-      ->excludes("--hounsfield")
-      ->excludes("--spacing-mm");
-  sub->add_option("--enamel-mm", options->enamel_mm,
-                  "Layers for a single --mesh FILE that has none, by a model: enamel of this "
-                  "thickness, thinning out towards an open neck; no pulp")
-      ->check(CLI::Range(0.1, 5.0));
-  add_mesh_unit(*sub, options->length_unit);
+  add_mesh_options(*sub, *options);
   sub->add_option(
          "--series", options->series,
          "Of a folder with several DICOM series, the one by its place in the list, number, "

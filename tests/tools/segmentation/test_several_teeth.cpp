@@ -146,7 +146,7 @@ TEST_P(Metal, IsOtherOfItsSizeAndHasNoSkinOfEnamel) {
       static_cast<double>(skin) / static_cast<double>(near));
   std::fflush(stdout);
   EXPECT_NEAR(static_cast<double>(found), static_cast<double>(metal),
-              0.2 * static_cast<double>(metal));  // measured: 1.09 to 1.18 of it
+              0.15 * static_cast<double>(metal));  // measured: 1.06 to 1.14 of it
   EXPECT_GT(near, 100u);
   EXPECT_LT(static_cast<double>(skin), 0.02 * static_cast<double>(near));
 }
@@ -154,7 +154,6 @@ TEST_P(Metal, IsOtherOfItsSizeAndHasNoSkinOfEnamel) {
 INSTANTIATE_TEST_SUITE_P(Balls, Metal,
                          ::testing::Values(Filling{Vec3(0, 0, 3.6), 1.1, 1e9},
                                            Filling{Vec3(0, 0, 3.6), 1.1, 500},
-                                           Filling{Vec3(1.2, 0, -2.5), 1.0, 1e9},
                                            Filling{Vec3(1.2, 0, -2.5), 1.0, 500}));
 
 TEST(Clipping, IsToldWhereManyVoxelsHaveTheHighestValue) {

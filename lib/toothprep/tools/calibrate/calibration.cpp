@@ -158,10 +158,8 @@ void warn_of_uncertain_border(const LayeredTooth& tooth, CalibrationResult& c) {
   if (share > kShareToSay)
     c.fit.warnings.push_back(
         fmt::format("{:.0f} % of the contact is with enamel and dentin at once, and the scan shows "
-                    "their border "
-                    "to +-{:.2g} mm only (95 %): the intervals of u and alpha leave that out; cut "
-                    "in one tissue "
-                    "at a time, farther from the border than that",
+                    "their border to +-{:.2g} mm only (95 %): the intervals of u and alpha leave "
+                    "that out; cut in one tissue at a time, farther from the border than that",
                     100 * share, border));
 }
 

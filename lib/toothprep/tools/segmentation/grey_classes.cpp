@@ -277,9 +277,9 @@ Mask rough_tooth(const ImageVolume<float>& means, const GreyHints& hints, GreyCl
   return tooth;
 }
 
-// That it is neither a speck nor everything, and has enamel.
+// That it is neither a speck nor everything, and whether it has enamel.
 void check_tooth(const ImageVolume<float>& means, const Mask& tooth, const GreyHints& hints,
-                 const GreyClasses& classes) {
+                 GreyClasses& classes) {
   std::size_t tooth_voxels = 0, enamel_voxels = 0;
   for (std::size_t v = 0; v < tooth.size(); ++v) {
     tooth_voxels += tooth[v];
@@ -296,7 +296,8 @@ void check_tooth(const ImageVolume<float>& means, const Mask& tooth, const GreyH
                              static_cast<double>(tooth.size())) +
                 " % of the scan is" + at_or_above + short_number(classes.threshold_dentin) + "; " +
                 kRemedy);
-  if (!hints.thresholds && enamel_voxels < 60)
+  classes.enamel_seen = enamel_voxels >= 60;
+  if (!hints.thresholds && !classes.enamel_seen)
     throw Error("no enamel is found in the tooth: " + std::to_string(enamel_voxels) + " voxels" +
                 at_or_above + short_number(classes.threshold_enamel) +
                 "; give --thresholds DENTIN,ENAMEL");

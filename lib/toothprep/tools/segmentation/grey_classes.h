@@ -38,6 +38,7 @@ struct GreyClasses {
   double surroundings = 0, dentin = 0, enamel = 0;  // typical grey values
   double threshold_dentin = 0;                      // border surroundings | dentin
   double threshold_enamel = 0;                      // border dentin | enamel
+  bool enamel_seen = true;  // else too little is that bright, and enamel's grey is a guess
   // The nearest class below dentin, whichever it is: border for "certainly no dentin".
   double below_dentin = 0;
   double darkest = 0;  // of the scan, a few voxels aside

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "toothprep/tools/segmentation/blurred_step.h"
+#include "toothprep/tools/segmentation/near_distance.h"
 
 namespace toothprep {
 namespace {
@@ -102,8 +103,9 @@ MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& sc
   }
   if (all || !any) return MetalSurface();
 
-  const Field depth = depth_below_surface(box.size, result.metal);
   const double reach = 3 * blur;
+  const Field depth = depth_below_surface(box.size, result.metal,
+                                          static_cast<int>(std::ceil(reach + 2 * blur + 0.5)));
   const Field level = inward_level(box, depth, reach, blur);
   const SurfaceProfiles profiles = surface_profiles(box, scan, grey, depth, level, border, blur);
   std::vector<std::optional<MetalEdge>> edges(profiles.count());

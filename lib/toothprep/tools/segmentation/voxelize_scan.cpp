@@ -318,6 +318,7 @@ AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std:
                                 const Field& grey, const Field& depth, const Field& level,
                                 const GreyClasses& classes, double blur, bool thin_enamel) {
   AlongNormals result;
+  thin_enamel = thin_enamel && classes.enamel_seen;
   if (!thin_enamel && !classes.threshold_metal) return result;
   const ImageVolume<float>& scan = *seen.greys;
   {
@@ -417,6 +418,10 @@ void add_notes(const GreyClasses& classes, const ScanSurvey& seen, std::size_t s
                            list + "); number " + std::to_string(classes.chosen + 1) +
                            " was taken (--tooth chooses)");
   }
+  if (options.thin_enamel && !classes.enamel_seen)
+    report.notes.push_back("too little of the tooth is as bright as enamel (" +
+                           short_number(classes.threshold_enamel) +
+                           ") to know enamel's grey, so thin enamel was not sought");
   if (classes.touches_edge)
     report.notes.push_back(
         "the tooth reaches the border of the scan; it is cut off there by a flat face");
