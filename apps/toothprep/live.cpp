@@ -190,14 +190,19 @@ void check_options(const Options& o) {
 // Elements so small that a step may not be done when the next is due.
 void warn_of_small_elements(const Bur& bur, const Parameters& parameters) {
   if (parameters.engine != EngineKind::kLevelset) return;
+  const auto least = [&](double size) {
+    return least_live_size(size, bur.elements(kPiecesAcross * size).size(), parameters.time_step);
+  };
   const double size = element_size(bur, parameters);
-  const double least =
-      least_live_size(size, bur.elements(kPiecesAcross * size).size(), parameters.time_step);
-  if (size < least)
+  // Elements fit a bur in whole numbers, so that the least size moves when it is taken.
+  double enough = size;
+  while (enough < least(enough))
+    enough = std::max(std::ceil(1e4 * least(enough)), std::round(1e4 * enough) + 1) / 1e4;
+  if (enough > size)
     warn(
         fmt::format("engine.element_mm: with {:g} mm the steps may take longer than the {:g} ms "
                     "that they have; use at least {:.4f} mm",
-                    size, 1e3 * parameters.time_step, std::ceil(least * 1e4) / 1e4));
+                    size, 1e3 * parameters.time_step, enough));
 }
 
 void check_translation(const std::string& file, const Registration& registration) {

@@ -246,6 +246,22 @@ class Live(unittest.TestCase):
             self.assertIn(words, error)
         self.assertFalse(os.path.exists(self.path("refused.h5")))
 
+    def test_elements_too_small_for_the_tick_are_warned_of_with_a_size_that_would_do(self):
+        words = "engine.element_mm: with 0.005 mm the steps may take longer than the 1 ms that they have; use at least "
+        with open(self.path("small.toml"), "w") as f:
+            f.write("[engine]\nelement_mm = 0.005\n")
+        arguments = ("--params", "small.toml", "--hand", "hand.toml", "--duration-s", "0.2", "--force")
+        status, _, error = self.session("small.h5", *arguments)
+        self.assertEqual(status, 0, error)
+        self.assertIn(words, error)
+        size = error.split(words)[1].split(" mm")[0]
+        self.assertGreater(float(size), 0.005)
+        with open(self.path("small.toml"), "w") as f:
+            f.write(f"[engine]\nelement_mm = {size}\n")
+        status, _, error = self.session("small.h5", *arguments)
+        self.assertEqual(status, 0, error)
+        self.assertNotIn("engine.element_mm", error)
+
     def test_limits_and_the_hand_at_the_start_are_recorded(self):
         status, _, error = self.session("limits.h5", "--device", "openhaptics", "--duration-s", "1", "--ramp-s", "0.5",
                                         "--stale-s", "0.2", "--vibration-limit-n", "2", "--vibration-time-s", "0.08",

@@ -27,7 +27,8 @@ struct Passes {
   double across, along;  // rad
   double enamel;         // mm
   std::vector<double> z;
-  double speed = 8;  // mm/s
+  double speed = 8;         // mm/s
+  double element_size = 0;  // mm; 0: the default
 };
 
 struct Work {
@@ -38,6 +39,7 @@ std::vector<Work> work_of(const Passes& p, double voxel) {
   const Bur bur = make_bur(p.bur, "");
   const LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
   Parameters parameters = paper_without_stall();
+  parameters.element_size = p.element_size;
   const Quat q = upright_leant(p.across, p.along);
   Workpiece workpiece(tooth);
   HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
@@ -185,6 +187,121 @@ TEST(OverlappingPasses, BackThroughItsOwnSlotAnUprightBurFeelsNothing) {
   }
 }
 
+TEST(OverlappingPasses, RestingOrTurningAboutItsOwnAxisInItsSlotABurFeelsNothing) {
+  const double depth = 0.8;
+  struct Case {
+    const char* bur;
+    double across, along, voxel;
+  };
+  std::vector<Case> cases;
+  for (const char* bur : {"ball:D1.2", "cylinder:D1.2xL3.0", "taper:D1.4xL4.0xT0.8",
+                          "inverted-cone:D1.2xL1.6xA8", "cylinder:D1.2xL4.0xR0.3"}) {
+    cases.push_back({bur, 0, 0, 0.1});
+    cases.push_back({bur, 0.31, -0.17, 0.1});
+    cases.push_back({bur, 0.31, -0.17, 0.05});
+  }
+  for (const Case& c : cases) {
+    const Bur bur = make_bur(c.bur, "");
+    const LayeredTooth tooth = block(c.voxel, 0.5, Vec3(kLength, 3, 4));
+    const Quat q = upright_leant(c.across, c.along);
+    Workpiece workpiece(tooth);
+    HandleSample handle{0, Pose{Vec3(-kStart, -depth, 0), q}, kPedalButton};
+    Session session(bur, workpiece, paper_without_stall(), Drive::kDirect, handle);
+    double cutting = 0, resting = 0, turning = 0;  // largest forces, N
+    const auto step = [&](double& largest) {
+      handle.time += 1e-3;
+      largest = std::max(largest, session.step(handle).grinding_force.norm());
+    };
+    // In the middle of the slot's end, where the bur stands in what it has cut itself.
+    for (int i = 1; i <= 375; ++i) {
+      handle.pose.position.x() = -kStart + 8e-3 * i;
+      step(cutting);
+    }
+    for (int i = 0; i < 20; ++i) step(resting);
+    for (int i = 1; i <= 100; ++i) {  // half a turn a second, and faster
+      handle.pose.orientation = q * Quat(Eigen::AngleAxisd(3e-3 * i + 1e-4 * i * i, Vec3::UnitZ()));
+      step(turning);
+    }
+    EXPECT_GT(cutting, 1) << c.bur;
+    EXPECT_EQ(resting, 0) << c.bur << ", leant by " << c.across << ", " << c.voxel;
+    EXPECT_LT(turning, 0.001 * cutting) << c.bur << ", leant by " << c.across << ", " << c.voxel;
+    std::printf("%-28s tilt %4.2f, %.3f mm: turning %.4f %% of %.2f N\n", c.bur, c.across, c.voxel,
+                100 * turning / cutting, cutting);
+  }
+}
+
+// Two passes along arcs about an upright axis, right through the block: what each newly sweeps is the
+// part of a ring that lies in the block and in no ring before, counted on a grid.
+struct Arcs {
+  const char* bur;
+  double depth;           // mm
+  bool ball;              // of radius 0.6 mm; else a cylinder of the same
+  std::vector<double> r;  // mm
+};
+constexpr double kArcCentre = -2.2;  // z of the axis, mm
+
+std::vector<double> energy_of(const Arcs& a) {
+  const double R = 0.6, h = 0.02;
+  std::vector<double> energy(a.r.size());
+  for (double y = -h / 2; y > -a.depth; y -= h) {
+    // Half of the ring's width at this height.
+    const double up = y + a.depth - R,
+                 half = a.ball ? std::sqrt(std::max(0.0, R * R - up * up)) : R;
+    for (double x = h / 2 - kLength / 2; x < kLength / 2; x += h)
+      for (double z = h / 2 - 2; z < 2; z += h) {
+        const double r = std::hypot(x, z - kArcCentre);
+        double outside = 1;  // of all rings so far: of a cell that a rim crosses, a part
+        for (std::size_t i = 0; i < a.r.size(); ++i) {
+          const double left = std::clamp(0.5 + (std::abs(r - a.r[i]) - half) / h, 0.0, 1.0);
+          energy[i] += 300 * h * h * h * std::max(0.0, outside - left);
+          outside = std::min(outside, left);
+        }
+      }
+  }
+  return energy;
+}
+
+std::vector<double> work_of(const Arcs& a, double voxel) {
+  const Bur bur = make_bur(a.bur, "");
+  const LayeredTooth tooth = block(voxel, 2, Vec3(kLength, 3, 4));
+  Workpiece workpiece(tooth);
+  const auto place = [&](double r, double angle) {
+    return Vec3(r * std::sin(angle), -a.depth, kArcCentre + r * std::cos(angle));
+  };
+  const double end = 2.2, speed = 8;  // rad from the middle: clear of the block; mm/s
+  HandleSample handle{0, Pose{place(a.r[0], -end), upright_leant(0, 0)}, kPedalButton};
+  Session session(bur, workpiece, paper_without_stall(), Drive::kDirect, handle);
+  std::vector<double> work;
+  for (const double r : a.r) {
+    handle.pose.position = place(r, -end);
+    handle.buttons = 0;
+    session.step(handle);
+    handle.buttons = kPedalButton;
+    const double before = session.totals().torque_work;
+    for (double angle = -end; angle <= end; angle += speed * 1e-3 / r) {
+      handle.time += 1e-3;
+      handle.pose.position = place(r, angle);
+      session.step(handle);
+    }
+    work.push_back(session.totals().torque_work - before);
+  }
+  return work;
+}
+
+TEST(OverlappingPasses, AlongArcsWorkIsTheEnergyOfWhatIsNewlySwept) {
+  for (const Arcs& a : {Arcs{"ball:D1.2", 0.5, true, {2.0, 2.2, 1.85}},
+                        Arcs{"cylinder:D1.2xL3.0", 0.72, false, {2.0, 2.3, 1.8}}}) {
+    const std::vector<double> energy = energy_of(a), work = work_of(a, 0.1);
+    std::printf("%-20s along arcs:", a.bur);
+    for (std::size_t i = 0; i < energy.size(); ++i) {
+      std::printf("  r %.2f mm %.4f", a.r[i], work[i] / energy[i]);
+      EXPECT_NEAR(work[i], energy[i], std::max(0.01 * energy[i], 0.002 * energy[0]))
+          << a.bur << ", r " << a.r[i];
+    }
+    std::printf("\n");
+  }
+}
+
 // A bur that stands in its slot goes aside by `aside` and back in place, four times: the work of each
 // turn over the energy of what the first takes, a segment of the bur's section.
 std::vector<double> work_aside_and_back(double aside, double voxel) {
@@ -238,7 +355,7 @@ TEST(OverlappingPasses, WhatIsGroundAsideAndBackInPlaceIsGroundOnce) {
 // In the middle of the block the force is level: its vector against the integral over the part of
 // the bur's surface that no earlier pass has been at.
 TEST(OverlappingPasses, ForceVectorsAreThoseOfTheExactIntegralOverTheEngagedSurface) {
-  for (const std::size_t chosen : {0, 2, 4}) {
+  for (std::size_t chosen = 0; chosen < selection().size(); ++chosen) {
     const Passes& p = selection()[chosen];
     const Bur bur = make_bur(p.bur, "");
     const Parameters parameters = paper_without_stall();
@@ -263,6 +380,20 @@ TEST(OverlappingPasses, ForceVectorsAreThoseOfTheExactIntegralOverTheEngagedSurf
       EXPECT_LT(rms, std::max(0.01 * exact.norm(), 0.002 * full)) << p.bur << ", pass " << i;
     }
   }
+}
+
+// With voxels of 0.05 mm, so that the elements' error shows: a ball's pass 0.2 mm beside another.
+TEST(ElementSize, HalvedItMakesTheErrorOfAnOverlappingPassFall) {
+  std::vector<double> errors;
+  for (const double size : {0.15, 0.075, 0.0375}) {
+    const Passes p{"ball:D1.2", 0.3, 0, 0, 2, {0, 0.2}, 8, size};
+    const double energy = energy_of(p)[1];
+    errors.push_back(std::abs(work_of(p, 0.05)[1].pass - energy) / energy);
+    std::printf("elements of %.4f mm: error %.2f %%\n", size, 100 * errors.back());
+  }
+  EXPECT_LT(errors[1], errors[0] / 3);
+  EXPECT_LT(errors[2], errors[1]);
+  EXPECT_LT(errors[2], 0.002);
 }
 
 TEST(ElementSize, AboveAQuarterOfTheBursRadiusIsRefusedWithTheLargestThatWouldDo) {

@@ -83,25 +83,28 @@ class Outline {
         lines_(static_cast<std::size_t>(lines) + 1) {
     const int first = first_met(0, 1);
     const int last = first > count_ ? -1 : first_met(count_, -1);
-    tbb::parallel_for(first, last + 1, [&](int i) {
-      const double z = place(i), middle = deepest(z);
-      if (!(depth(middle, z) < 0)) return;
-      const auto within = [&](double y) {
-        return gets_below_zero([&](double x) { return distance(x, y, z); }, -reach_, reach_);
-      };
-      lines_[static_cast<std::size_t>(i)] = {border(within, middle, -reach_),
-                                             border(within, middle, reach_)};
-    });
+    tbb::parallel_for(first, last + 1,
+                      [&](int i) { lines_[static_cast<std::size_t>(i)] = heights(place(i)); });
+    if (first > last) return;
+    const auto met = [&](double z) { return !heights(z).empty(); };
+    low_edge_ = border(met, place(first), place(first - 1));
+    high_edge_ = border(met, place(last), place(last + 1));
+    // As near to the edge as the heights are sure.
+    at_low_edge_ = heights(low_edge_ + kSure);
+    at_high_edge_ = heights(high_edge_ - kSure);
   }
 
   double reach() const { return reach_; }
   Interval at(double z) const {
     const double place = (z / reach_ + 1) / 2 * count_;
     if (!(place >= 0 && place < count_)) return {};
+    if (!(z > low_edge_ && z < high_edge_)) return {};
     const auto i = static_cast<std::size_t>(place);
-    const Interval &a = lines_[i], &b = lines_[i + 1];
-    if (a.empty() || b.empty()) return {};
-    const double t = place - static_cast<double>(i);
+    Interval a = lines_[i], b = lines_[i + 1];
+    double from = this->place(static_cast<int>(i)), to = this->place(static_cast<int>(i) + 1);
+    if (a.empty()) a = at_low_edge_, from = low_edge_;
+    if (b.empty()) b = at_high_edge_, to = high_edge_;
+    const double t = (z - from) / (to - from);
     return {a.low + t * (b.low - a.low), a.high + t * (b.high - a.high)};
   }
 
@@ -117,6 +120,16 @@ class Outline {
   }
   double deepest(double z) const {
     return least_of([&](double y) { return depth(y, z); }, -reach_, reach_);
+  }
+
+  // Of the line across the feed at z that meets the head.
+  Interval heights(double z) const {
+    const double middle = deepest(z);
+    if (!(depth(middle, z) < 0)) return {};
+    const auto within = [&](double y) {
+      return gets_below_zero([&](double x) { return distance(x, y, z); }, -reach_, reach_);
+    };
+    return {border(within, middle, -reach_), border(within, middle, reach_)};
   }
 
   // The first line from `line` on, in steps of +1 or -1, that may meet the head. As far as one is
@@ -135,6 +148,8 @@ class Outline {
   double reach_;
   int count_;
   std::vector<Interval> lines_;
+  double low_edge_ = 0, high_edge_ = 0;  // between them the lines meet the head
+  Interval at_low_edge_, at_high_edge_;
 };
 
 void take_away(std::vector<Interval>& from, const Interval& part) {
