@@ -265,9 +265,10 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
 
   // The same farther ahead; the cells of the samples at the surface stay.
   const float look_ahead = static_cast<float>(look_ahead_), look = look_ahead - scan.reach;
-  Lanes farther = s;
-  farther.ix += look * s.unit.x(), farther.iy += look * s.unit.y();
-  farther.iz += look * s.unit.z();
+  Lanes farther;  // only what samples need
+  farther.live = s.live;
+  farther.ix = s.ix + look * s.unit.x(), farther.iy = s.iy + look * s.unit.y();
+  farther.iz = s.iz + look * s.unit.z();
   farther.find_cells();
   farther.find_bricks(scan.workpiece, scan.frame.base);
   const Fields there = farther.sample(cut, scan.frame);

@@ -102,16 +102,17 @@ inline void cell_corners(const LevelSet& field, int i, int j, int k, float* c) n
     c[4] = v[64], c[5] = v[65], c[6] = v[72], c[7] = v[73];
     return;
   }
-  const std::size_t b_x = x < 7 ? 0 : stride_x, b_y = y < 7 ? 0 : stride_y, b_z = z < 7 ? 0 : 1;
-  const int x1 = (x + 1) & 7, y1 = (y + 1) & 7, z1 = (z + 1) & 7;
-  c[0] = field.brick(b)[brick_offset(x, y, z)];
-  c[1] = field.brick(b + b_z)[brick_offset(x, y, z1)];
-  c[2] = field.brick(b + b_y)[brick_offset(x, y1, z)];
-  c[3] = field.brick(b + b_y + b_z)[brick_offset(x, y1, z1)];
-  c[4] = field.brick(b + b_x)[brick_offset(x1, y, z)];
-  c[5] = field.brick(b + b_x + b_z)[brick_offset(x1, y, z1)];
-  c[6] = field.brick(b + b_x + b_y)[brick_offset(x1, y1, z)];
-  c[7] = field.brick(b + b_x + b_y + b_z)[brick_offset(x1, y1, z1)];
+  const std::size_t b_x = x < 7 ? 0 : stride_x, b_y = y < 7 ? 0 : stride_y;
+  const int x1 = (x + 1) & 7, y1 = (y + 1) & 7;
+  const auto read_two = [&](std::size_t at, int offset, float* to) {
+    const float* low = field.brick(at) + offset;
+    to[0] = low[0];
+    to[1] = z < 7 ? low[1] : field.brick(at + 1)[offset - 7];
+  };
+  read_two(b, brick_offset(x, y, z), c);
+  read_two(b + b_y, brick_offset(x, y1, z), c + 2);
+  read_two(b + b_x, brick_offset(x1, y, z), c + 4);
+  read_two(b + b_x + b_y, brick_offset(x1, y1, z), c + 6);
 }
 
 // Trilinear value and gradient at (fx, fy, fz) in [0, 1) of a cell with the corner values c0 .. c7,

@@ -125,7 +125,8 @@ double ProximalBox::wall_x(double y) const { return wall_[0] + wall_[1] * y + wa
 // missing never pass the first place that is clear: the distance grows by at most the step.
 double ProximalBox::outside(double y) const {
   double x = outside_;
-  for (double z = floor_; !near_.empty() && (z == floor_ || z < top_); z += 0.5 * bur_.head_length())
+  for (double z = floor_; !near_.empty() && (z == floor_ || z < top_);
+       z += 0.5 * bur_.head_length())
     while (x > wall_x(y)) {
       const Pose pose{{x, middle_ + y, z}, Quat::Identity()};
       const double missing = clear_ - head_distance(bur_, pose, near_);
@@ -151,8 +152,7 @@ void ProximalBox::across(Plan& plan, double from, double to, double off, double 
 // between. Slowly: the force across the feed must not push the bur over.
 void ProximalBox::outwards_to(Plan& plan, double y, double z) const {
   const Vec3 from = plan.strokes.back().to;
-  across(plan, from.y() - middle_, y, outside_ - wall_x(0), from.z(), z,
-         Pace::kFinishing);
+  across(plan, from.y() - middle_, y, outside_ - wall_x(0), from.z(), z, Pace::kFinishing);
 }
 
 // From outside inwards, so that the flat end never plunges; beside others down along the outermost

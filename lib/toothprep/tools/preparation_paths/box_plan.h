@@ -32,7 +32,7 @@ class ProximalBox {
   // `pulpal`: z of the occlusal part's floor. Throws Error where no box fits, or where neighbours
   // or gum (`ground.others`) leave no space for it.
   ProximalBox(const ToothGrid& grid, const CrownMap& map, const Bur& bur, const CavityShape& shape,
-       const CavityGround& ground, const Proximal& side, double pulpal);
+              const CavityGround& ground, const Proximal& side, double pulpal);
 
   double middle() const { return middle_; }              // mm, y
   double floor() const { return floor_; }                // mm, z of the gingival floor
@@ -59,8 +59,8 @@ class ProximalBox {
   const Bur& bur_;
   double middle_ = 0, half_ = 0;  // mm: y of the tip's lanes, middle +- half
   double floor_ = 0, top_ = 0, outside_ = 0, clear_ = 0, shell_ = 0;
-  Vec3 wall_ = Vec3::Zero();         // x = a + b y + c y², y from the middle
-  std::vector<SurfacePlace> near_;   // of others, where the bur could meet them
+  Vec3 wall_ = Vec3::Zero();        // x = a + b y + c y², y from the middle
+  std::vector<SurfacePlace> near_;  // of others, where the bur could meet them
 };
 
 }  // namespace toothprep
