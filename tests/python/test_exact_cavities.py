@@ -19,7 +19,7 @@ class ExactCavities(unittest.TestCase):
     def test_nearly_all_figures_are_within_their_uncertainty(self):
         with tempfile.TemporaryDirectory() as folder:
             done = self.run_script("-o", folder, "--toothprep", BINARY, "--voxels-mm", "0.2", "--routes",
-                                   "meshes,labels,scans")
+                                   "meshes,labels,scans", "--cavities", "box,dovetail,class II,tapered class II,bevel")
             self.assertEqual(done.returncode, 0, done.stderr)
             rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in done.stdout.splitlines()[2:]]
             self.assertEqual(len(Path(folder, "figures.csv").read_text().splitlines()), 1 + sum(int(r[3]) for r in rows))

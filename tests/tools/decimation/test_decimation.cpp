@@ -18,6 +18,7 @@
 #include "toothprep/tools/decimation/decimation.h"
 #include "toothprep/tools/decimation/surface_distance.h"
 #include "toothprep/tools/mesh/sharp_surface.h"
+#include "toothprep/tools/mesh/tissue_division.h"
 
 namespace toothprep {
 namespace {
@@ -171,6 +172,42 @@ TEST(Decimation, KeepsTheMarginAndTheBordersOfTissuesOfAClass2Cavity) {
     const Decimation d = expect_decimated(surface.mesh, surface.margin, bound);
     EXPECT_LT(d.mesh.triangles.size(), before / (bound < 0.01 ? 2 : 4));
     EXPECT_LT(d.lines.size(), surface.margin.size() / 2) << "the margin is straightened, too";
+  }
+}
+
+// A border of tissues that runs over walls, floor and margin, as lines of edges.
+TEST(Decimation, StraightensTheBordersOfTissuesWithinTheBound) {
+  LayeredTooth tooth = class2(0.15);
+  for (std::size_t b = 0; b < tooth.remains[0].table_size(); ++b) {
+    const Index3 first = tooth.remains[0].brick_origin(b);
+    std::array<std::array<float, kBrickVoxels>, 2> values;
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const Index3 i = first + Index3(v >> 6, v >> 3 & 7, v & 7);
+      const auto height = static_cast<float>(tooth.lattice.to_world(i).y()) - 0.43F;
+      const float solid = tooth.solid.value(i.x(), i.y(), i.z());
+      values[0][v] = std::max(solid, -height);
+      values[1][v] = std::max(solid, height);
+    }
+    for (int k = 0; k < 2; ++k) tooth.remains[k].set_brick(b, values[k].data());
+  }
+  const SharpSurface surface = surface_by_tissue(tooth);
+  const Edges border = tissue_borders(surface.mesh).at(0).edges;
+  ASSERT_GT(border.size(), 60u);
+  for (const double bound : {0.005, 0.04}) {
+    SCOPED_TRACE(bound);
+    const Decimation d = decimate(surface.mesh, surface.margin, bound);
+    ASSERT_TRUE(d.decimated);
+    expect_valid(d.mesh);
+    ASSERT_EQ(d.mesh.triangle_tissue.size(), d.mesh.triangles.size());
+    EXPECT_LT(d.mesh.triangles.size(), surface.mesh.triangles.size() / (bound < 0.01 ? 2 : 4));
+    const std::vector<TissueBorder> borders = tissue_borders(d.mesh);
+    ASSERT_EQ(borders.size(), 1u);
+    EXPECT_LT(borders[0].edges.size(), border.size() / 2);
+    const double there = line_distance(surface.mesh, border, d.mesh, borders[0].edges),
+                 back = line_distance(d.mesh, borders[0].edges, surface.mesh, border);
+    EXPECT_LE(std::max(there, back), bound + 1e-9);
+    EXPECT_LE(there, d.greatest_of_lines_mm + 1e-9);
+    EXPECT_LE(line_distance(surface.mesh, surface.margin, d.mesh, d.lines), bound + 1e-9);
   }
 }
 

@@ -13,6 +13,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "surfaces.h"
@@ -144,6 +145,72 @@ TEST(TissueDivision, BordersAreWithinATenthOfAVoxelOfTheCurveInWhichTissuesMeetO
       EXPECT_LT(e.most, 0.1);
       EXPECT_LT(e.rms, 0.04);
       if (voxel == 0.1) expect_valid(surface.mesh);
+    }
+}
+
+// To where three surfaces meet, to first order.
+double from_point(const Field& f, const Field& g, const Field& h, const Vec3& x) {
+  Eigen::Matrix3d slopes;
+  slopes << gradient(f, x).transpose(), gradient(g, x).transpose(), gradient(h, x).transpose();
+  return (slopes.inverse() * Vec3(f(x), g(x), h(x))).norm();
+}
+
+// Whether a field has no crease within a voxel or so.
+bool even_about(const Field& f, const Vec3& x, double voxel) {
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 way = 1.5 * voxel * Vec3::Unit(k);
+    if ((gradient(f, x + way) - gradient(f, x - way)).norm() > 0.5) return false;
+  }
+  return true;
+}
+
+// A cavity whose margin runs from enamel into dentin and back. A slot through a ball crosses the
+// plane on both walls and both sides, a cavity within a block's face at two places. Where a line angle of
+// the cut comes out the margin has a corner, which is bevelled within a voxel, as the block's edges are.
+TEST(TissueDivision, MarginAndBorderMeetInAVertexWhereTheMarginCrossesTissues) {
+  const Quat q(Eigen::AngleAxisd(0.6, Vec3(1, 2, 3).normalized()));
+  const auto box = [q](const Vec3& middle, const Vec3& half) -> Field {
+    return [=](const Vec3& x) { return box_distance(q.conjugate() * x - middle, half); };
+  };
+  const Tooth block{"block", box(Vec3::Zero(), Vec3(1.8, 1.5, 1.6)), below(q * Vec3(5, 2, 1), 0.3),
+                    box(Vec3(0.1, 1.5, -0.1), Vec3(0.9, 0.8, 0.7))};
+  for (const auto& [t, size, crossings] :
+       {std::tuple{teeth()[2], 3.1, 4u}, std::tuple{block, 2.8, 2u}})
+    for (const double voxel : {0.1, 0.05}) {
+      if (voxel < 0.1 && t.name != "block") continue;  // time
+      SCOPED_TRACE(t.name + ", " + std::to_string(voxel));
+      const SharpSurface surface = surface_by_tissue(layered(t, size, voxel));
+      const auto at = [&](std::uint32_t v) -> Vec3 {
+        return surface.mesh.vertices[v].cast<double>();
+      };
+      const std::map<std::uint32_t, int> margin = ends_of(surface.margin);
+      const auto even = [&](const Vec3& x) {
+        return even_about(t.outside, x, voxel) && even_about(t.cut, x, voxel);
+      };
+      Errors off_margin, off_border, off_point;
+      const auto note = [voxel](Errors& errors, double away) {
+        errors.most = std::max(errors.most, away / voxel);
+        ++errors.count;
+      };
+      for (const auto& [v, count] : margin) {
+        ASSERT_EQ(count, 2);
+        if (even(at(v))) note(off_margin, from_curve(t.outside, t.cut, at(v)));
+      }
+      const std::vector<TissueBorder> borders = tissue_borders(surface.mesh);
+      ASSERT_EQ(borders.size(), 1u);
+      const Field remains = [&t](const Vec3& x) { return std::max(t.outside(x), -t.cut(x)); };
+      for (const auto& [v, count] : ends_of(borders[0].edges)) {
+        ASSERT_EQ(count, 2);
+        if (margin.count(v))
+          note(off_point, from_point(t.outside, t.cut, t.dentin, at(v)));
+        else if (even(at(v)))
+          note(off_border, from_curve(remains, t.dentin, at(v)));
+      }
+      EXPECT_EQ(off_point.count, crossings);
+      EXPECT_GT(std::min(off_margin.count, off_border.count), 100u);
+      EXPECT_LT(std::max({off_margin.most, off_border.most, off_point.most}), 0.1);
+      std::printf("%s, %.2f mm: margin %.3f, border %.3f, crossings %.3f voxels\n", t.name.c_str(),
+                  voxel, off_margin.most, off_border.most, off_point.most);
     }
 }
 

@@ -137,13 +137,18 @@ using CavityTruth = std::vector<TruthFigure>;
 //     the margin plane; length_shoulder_mm, length_top_mm (and width) of a stump
 //   class II: isthmus_width_mm (= width_mm), box_width_mm (at half the box's depth),
 //     box_width_floor_mm, gingival_depth_mm (from the margin plane), axial_wall_height_mm,
-//     gingival_floor_tilt_deg, axial_depth_mm (from the tooth's side, half-way between both
-//     floors), axial_depth_floor_mm, box_clearance_mm
+//     gingival_floor_tilt_deg, gingival_floor_flatness_mm, axial_depth_mm (from the tooth's side,
+//     half-way between both floors), axial_depth_floor_mm, gingival_floor_width_mm (the same),
+//     convergence_deg.proximal, axiopulpal_radius_mm, box_clearance_mm
+//   box: marginal_ridge_mm, wall_thickness_min_mm: horizontal, of an even floor; box and class II:
+//     line_angle_radius_mm
 //   stump: margin_width_mm (of u and v the mean), wall_height_mm, occlusal_reduction_mm,
 //     axial_reduction_mm.mesial|distal|buccal|lingual (horizontal, at half the wall's height),
 //     line_angle_radius_mm, cavosurface_angle_deg, margin_form.shoulder|chamfer|bevel,
-//     margin_gaps, occlusoaxial_radius_mm, occlusoaxial_angle_deg. With a rounded edge or
-//     shoulder or a slope, volumes, wall_height_mm and axial reductions are left out
+//     margin_gaps, margin_gap_longest_mm, occlusoaxial_radius_mm, occlusoaxial_angle_deg, and
+//     where the stump's outline runs beside the tooth's, margin_width_min_mm, margin_width_max_mm,
+//     occlusoaxial_radius_min_mm, finish_line_roughness_mm. With a rounded edge or shoulder or a
+//     slope, volumes, wall_height_mm and axial reductions are left out
 //   undercut_along_axis_mm, undercut_along_axis_area_mm2: how far a wall lies horizontally behind
 //     the edge above it, and such walls' area; undercut_draws: 1 if a path of draw, maybe tilted,
 //     frees all walls; undercut_max_mm, undercut_area_mm2 along the best path: none if it draws, as

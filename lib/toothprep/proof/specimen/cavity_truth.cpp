@@ -465,6 +465,47 @@ bool opposite_alike(const CavityOptions& o) {
   return alike(o.taper_u_plus, o.taper_u_minus) && alike(o.taper_v_plus, o.taper_v_minus);
 }
 
+// What is left around a box: at each wall, across the axis to the tooth's side.
+void add_remaining_walls(const CavityOptions& o, CavityTruth& truth) {
+  struct Strip {  // of a wall, as high as one of many equal steps
+    double left, area;
+  };
+  const auto quantile = [](std::vector<Strip> strips, double share) {
+    std::sort(strips.begin(), strips.end(),
+              [](const Strip& a, const Strip& b) { return a.left < b.left; });
+    double all = 0, below = 0;
+    for (const Strip& strip : strips) all += strip.area;
+    for (const Strip& strip : strips)
+      if ((below += strip.area) >= share * all) return strip.left;
+    return strips.back().left;
+  };
+  constexpr int kSteps = 3000;
+  const double u_plus = tan_degree(o.taper_u_plus), u_minus = tan_degree(o.taper_u_minus),
+               v_plus = tan_degree(o.taper_v_plus), v_minus = tan_degree(o.taper_v_minus);
+  std::vector<Strip> middle;
+  for (const auto& [name, slope] : {std::pair<std::string, double>{"mesial", u_plus},
+                                    {"distal", u_minus},
+                                    {"buccal", v_plus},
+                                    {"lingual", v_minus}}) {
+    const bool end = name == "mesial" || name == "distal";
+    std::vector<Strip> upper;
+    for (int n = 0; n < kSteps; ++n) {
+      const double above = o.depth * (n + 0.5) / kSteps;  // the floor
+      const double half = ((end ? o.size.x() : o.size.z()) - (end ? o.length : o.width)) / 2;
+      const double across =
+          end ? o.width + above * (v_plus + v_minus) : o.length + above * (u_plus + u_minus);
+      const Strip strip{half - above * slope, across * std::hypot(1, slope)};
+      if (3 * n >= 2 * kSteps) {
+        upper.push_back(strip);
+      } else if (3 * n >= kSteps) {
+        middle.push_back(strip);
+      }
+    }
+    if (end) truth.push_back({"marginal_ridge_mm." + name, quantile(upper, 0.25)});
+  }
+  truth.push_back({"wall_thickness_min_mm", quantile(middle, 0.02)});
+}
+
 void add_box(const CavityOptions& o, CavityTruth& truth) {
   const auto put = [&](const std::string& key, double value) { truth.push_back({key, value}); };
   const FloorFigures floor = o.bow != 0 ? bowed_floor_figures(o) : flat_floor_figures(o);
@@ -507,6 +548,10 @@ void add_box(const CavityOptions& o, CavityTruth& truth) {
     put("width" + name + "_mm", wall_at(o.width / 2, -o.depth, o.taper_v_plus, w) +
                                     wall_at(o.width / 2, -o.depth, o.taper_v_minus, w));
   }
+  if (o.offset == 0) {
+    put("line_angle_radius_mm", 0);
+    if (!class2 && o.bow == 0 && slope == 0) add_remaining_walls(o, truth);
+  }
   if (class2) {
     const double gingival = o.gingival_depth + o.offset;
     const double pulpal = centre;
@@ -523,6 +568,7 @@ void add_box(const CavityOptions& o, CavityTruth& truth) {
     put("axial_depth_floor_mm", axial_depth_at(-gingival));
     put("gingival_floor_width_mm", axial_depth_at(-gingival));
     put("convergence_deg.proximal", -2 * o.proximal_taper);
+    put("gingival_floor_flatness_mm", 0);
     if (o.offset == 0) put("axiopulpal_radius_mm", 0);
     if (o.floor_tilt_u == 0 && o.floor_tilt_v == 0) {
       put("axial_wall_height_mm", gingival - pulpal);
@@ -589,7 +635,15 @@ void add_profile(const CavityOptions& o, double wall_slope, CavityTruth& truth) 
   put("margin_form.chamfer", chamfer);
   put("margin_form.bevel", bevel);
   if (has_shaped_profile(o)) put("margin_width_mm", margin.width);
+  const Plan stump = stump_plan(o);
+  if (stump.round > 0 && std::abs(stump.round + o.shoulder_width - o.corner) < 1e-9) {
+    put("margin_width_min_mm", margin.width);  // the same all around
+    put("margin_width_max_mm", margin.width);
+    put("finish_line_roughness_mm", 0);
+    put("occlusoaxial_radius_min_mm", o.occlusal_radius);
+  }
   put("margin_gaps", 0);
+  put("margin_gap_longest_mm", 0);
   put("cavosurface_angle_deg", 90 + margin.slope_deg);
   put("line_angle_radius_mm", o.shoulder_radius);
   put("occlusoaxial_radius_mm", o.occlusal_radius);

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/compare/voxel_shape.h"
 
 namespace toothprep {
 namespace {
@@ -38,7 +39,7 @@ const LevelSet& level_set(const LayeredTooth& tooth, std::size_t k) {
 
 struct BrickView {
   std::array<const float*, 4> phi;
-  BrickView(const LayeredTooth& tooth, std::size_t b) {
+  BrickView(const LayeredTooth& tooth, std::size_t b) : phi() {
     for (std::size_t k = 0; k < 4; ++k) phi[k] = level_set(tooth, k).brick(b);
   }
   Fractions at(std::size_t v, double voxel) const {
@@ -47,47 +48,40 @@ struct BrickView {
   }
 };
 
-// Subdivision of a voxel that two planes cross, per edge.
-constexpr int kSub = 4;
-
-// A level set as a plane within a voxel: its value at the centre, its slope.
-struct VoxelPlane {
-  double centre;
-  Vec3 slope;  // mm per voxel
-  VoxelPlane(const LevelSet& phi, const Index3& i)
-      : centre(phi.value(i.x(), i.y(), i.z())), slope(Vec3::Zero()) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const Index3 step = Index3::Unit(axis);
-      slope[axis] = (double{value(phi, i + step)} - double{value(phi, i - step)}) / 2;
-    }
-  }
-  static float value(const LevelSet& phi, const Index3& i) {
-    return phi.value(i.x(), i.y(), i.z());
-  }
-};
-
-// The volume fraction of a voxel below both planes, summed over its subcubes. With the fractions a
-// and b below each plane it is min(a, b) for parallel normals, max(0, a + b - 1) for antiparallel
+// The volume fraction of a voxel below both, summed over its subcubes. With the fractions a and b
+// below a plane of each it is min(a, b) for parallel normals, max(0, a + b - 1) for antiparallel
 // ones and a b for perpendicular ones, exactly; in between interpolated by the cosine of the angle.
-double share_below_both(const VoxelPlane& a, const VoxelPlane& b, double voxel) {
-  const double cosine = a.slope.dot(b.slope) / std::max(a.slope.norm() * b.slope.norm(), 1e-12);
-  const double along = std::abs(cosine), cube = voxel / kSub;
+double share_below_both(const VoxelPlane& a, const VoxelShape& other, double voxel) {
+  constexpr int kAll = kSubcubes * kSubcubes * kSubcubes;
+  const double cube = voxel / kSubcubes;
   double sum = 0;
-  for (int n = 0; n < kSub * kSub * kSub; ++n) {
-    const Index3 place(n % kSub, n / kSub % kSub, n / (kSub * kSub));
-    const Vec3 at = (place.cast<double>().array() + 0.5) / kSub - 0.5;
-    const double fa = std::clamp(0.5 - (a.centre + a.slope.dot(at)) / cube, 0.0, 1.0);
-    const double fb = std::clamp(0.5 - (b.centre + b.slope.dot(at)) / cube, 0.0, 1.0);
+  for (int n = 0; n < kAll; ++n) {
+    const Vec3 at = subcube(n);
+    const VoxelPlane& b = other.plane_at(at);
+    const double cosine = a.slope.dot(b.slope) / std::max(a.slope.norm() * b.slope.norm(), 1e-12);
+    const double along = std::abs(cosine);
+    const double fa = std::clamp(0.5 - a.at(at) / cube, 0.0, 1.0);
+    const double fb = std::clamp(0.5 - b.at(at) / cube, 0.0, 1.0);
     const double parallel = cosine > 0 ? std::min(fa, fb) : std::max(fa + fb - 1, 0.0);
     sum += along * parallel + (1 - along) * fa * fb;
   }
-  return sum / (kSub * kSub * kSub);
+  return sum / kAll;
 }
 
 // Sums of one region over one brick, in voxels: all, enamel, dentin, pulp, other.
 using Sums = std::array<double, 5>;
 
-enum Region { kRemoved, kAdded, kRequired, kOver, kUnder, kAddedDeep, kTargetAddedDeep, kRegions };
+enum Region {
+  kRemoved,
+  kAdded,
+  kRequired,
+  kOver,
+  kUnder,
+  kAddedDeep,
+  kTargetAddedDeep,
+  kAtEdges,
+  kRegions
+};
 using BrickSums = std::array<Sums, kRegions>;
 
 class Comparison {
@@ -173,24 +167,26 @@ class Comparison {
     if (rest > 1e-6 && is_other_or_beside(original_.tissue, i)) sums[r][4] += rest;
   }
 
-  // Remaining tissue fractions in a voxel that the tooth filled and the cut crosses. The level sets
+  // Remaining fractions in a voxel that the tooth filled and the cut crosses. The level sets
   // of remaining tissues, max(border, cut), overestimate a layer thinner than a voxel between border
   // and cut.
   Fractions left_of(const Fractions& o, const Fractions& own, const LevelSet& solid,
                     const Index3& i) const {
-    if (o[0] < 1 || own[0] <= 0 || own[0] >= 1) return own;
-    const VoxelPlane cut(solid, i);
-    Fractions left = own;
+    if (o[0] < 1) return own;
+    const VoxelShape cut(solid, i, voxel_);
+    const double all = cut.has_edge() ? cut.share(voxel_) : own[0];
+    if (all <= 0 || all >= 1) return !cut.has_edge() ? own : all >= 1 ? o : Fractions{};
+    Fractions left = {all};
     double sum = 0, before = 0;
     for (std::size_t k = 1; k < 4; ++k) {
       left[k] = o[k] <= 0   ? 0
-                : o[k] >= 1 ? own[0]
-                            : share_below_both(VoxelPlane(level_set(original_, k), i), cut, voxel_);
+                : o[k] >= 1 ? all
+                            : share_below_both(plane_of(level_set(original_, k), i), cut, voxel_);
       sum += left[k];
       before += o[k];
     }
     if (sum > 0 && before > 1 - 1e-6)
-      for (std::size_t k = 1; k < 4; ++k) left[k] *= own[0] / sum;
+      for (std::size_t k = 1; k < 4; ++k) left[k] *= all / sum;
     return left;
   }
 
@@ -212,7 +208,8 @@ class Comparison {
       const Index3 i = first + Index3(static_cast<int>(v >> 6), static_cast<int>(v >> 3 & 7),
                                       static_cast<int>(v & 7));
       const Fractions o = original.at(v, voxel_);
-      const Fractions p = left_of(o, prepared.at(v, voxel_), prepared_.solid, i);
+      const Fractions even = prepared.at(v, voxel_), p = left_of(o, even, prepared_.solid, i);
+      sums[kAtEdges][0] += p[0] - even[0];
       add(sums, kRemoved, i, o, p);
       add(sums, kAdded, i, p, o);
       if (po > voxel_) sums[kAddedDeep][0] += p[0];
@@ -319,6 +316,7 @@ VolumeComparison compare_volumes(const Solid& original, const Solid& prepared, c
   VolumeComparison result;
   result.original = volumes_of(original.tooth);
   result.prepared = volumes_of(prepared.tooth);
+  result.prepared.total += sums[kAtEdges][0];
   result.removed = volumes_of(sums[kRemoved]);
   result.added_mm3 = sums[kAdded][0] + prepared.beyond_box_mm3;
 

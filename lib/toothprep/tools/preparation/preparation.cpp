@@ -72,11 +72,13 @@ double angle_uncertainty(const Bench& bench, double span, double opposite_span) 
   return bench.options.cut_label_spacing > 0 ? a + b : std::hypot(a, b);
 }
 
-// Of an arc between two sides at that angle (degrees): what voxels bevel there is 0.41 of the radius
-// at a right angle, and less at a wider one.
+// Of an arc between two sides at that angle (degrees), from the gap between arc and corner, which is
+// 0.41 of the radius at a right angle and less at a wider one. Voxels bevel the corner by up to 0.45
+// of them. Sides that may each stand off their place, as those of labels and scans, move it too.
 double radius_uncertainty(const Bench& bench, double angle_deg) {
-  const auto share = [](double degrees) { return 1 / std::sin(degrees * kDegree / 2) - 1; };
-  return bench.resolution() * std::max(1.0, share(90) / share(angle_deg));
+  const double sine = std::sin(angle_deg * kDegree / 2), share = 1 / sine - 1;
+  const double aside = std::max(bench.options.cut_tolerance, bench.options.cut_label_spacing / 2);
+  return std::max(bench.resolution(), (0.45 * bench.voxel() + aside / sine) / share);
 }
 
 std::string text_of(double value, fmt::format_string<double> format) {
@@ -150,7 +152,7 @@ void add_angles(Bench& bench, const std::array<Wall, 4>& walls) {
       bench.add("wall_angles_deg." + side_name(wall.side, bench.frame()), wall.angle_deg,
                 angle_uncertainty(bench, wall.height), "deg");
   const bool crown = bench.options.type == PreparationType::kCrown;
-  double sum = 0, variance = 0;
+  double sum = 0, all = 0, variance = 0;  // labels err alike on all sides
   int count = 0;
   for (const Side side : {Side::kBuccal, Side::kMesial}) {
     const Wall& a = walls[static_cast<int>(side)];
@@ -162,10 +164,12 @@ void add_angles(Bench& bench, const std::array<Wall, 4>& walls) {
         std::string("convergence_deg.") + (side == Side::kBuccal ? "buccolingual" : "mesiodistal"),
         both, uncertainty, "deg");
     sum += both;
+    all += uncertainty;
     variance += uncertainty * uncertainty;
     ++count;
   }
-  if (count > 0) bench.add("convergence_deg.mean", sum / count, std::sqrt(variance) / count, "deg");
+  if (bench.options.cut_label_spacing <= 0) all = std::sqrt(variance);
+  if (count > 0) bench.add("convergence_deg.mean", sum / count, all / count, "deg");
 }
 
 std::array<Wall, 4> four_walls(const Bench& bench, const std::vector<WallFacet>& facets) {
@@ -475,10 +479,13 @@ void add_profiles(Bench& bench, const Margin& margin) {
                                                    bench.original_tree, bench.voxel());
   for (std::size_t n = 0; n < kMarginForms.size(); ++n)
     bench.add("margin_form." + std::string(kMarginForms[n]), profiles.share[n], NAN, "1");
-  const double ledge = angle_uncertainty(bench, margin.width.quantile(0.5));
-  bench.add("cavosurface_angle_deg", profiles.cavosurface.quantile(0.5), ledge, "deg");
+  // The ledge is straight beyond the arc; of one that is mostly arc, the arc's end counts.
+  const double width = margin.width.quantile(0.5), angle_deg = profiles.angle.quantile(0.5);
+  const double arc = profiles.radius.quantile(0.5) / std::tan(angle_deg * kDegree / 2);
+  bench.add("cavosurface_angle_deg", profiles.cavosurface.quantile(0.5),
+            angle_uncertainty(bench, std::max(width - arc, width / 2)), "deg");
   bench.add("line_angle_radius_mm", profiles.radius.quantile(0.5),
-            radius_uncertainty(bench, profiles.angle.quantile(0.5)), "mm");
+            radius_uncertainty(bench, angle_deg), "mm");
   const Quantity* height = find_quantity(bench.result.quantities, "wall_height_mm");
   if (!height) return;
   const OuterEdge edge = measure_outer_edge(margin.stations, bench.facets, bench.frame(),
@@ -848,10 +855,11 @@ Preparation measure_preparation(const LayeredTooth& original, const LayeredTooth
   measure_draw(bench);
   measure_pulp(bench);
   bench.add("surface_roughness_mm", surface_roughness(facets), NAN, "mm");
-  if (options.type != PreparationType::kCrown)
-    bench.add("line_angle_radius_mm",
-              line_angle_radius(facets, bench.walls, bench.floors, bench.frame(), tree),
-              bench.resolution(), "mm");
+  if (options.type != PreparationType::kCrown) {
+    const LineAngles line =
+        line_angle_radius(facets, bench.walls, bench.floors, bench.frame(), tree);
+    bench.add("line_angle_radius_mm", line.radius, radius_uncertainty(bench, line.angle_deg), "mm");
+  }
   widen_by_axis(bench);
   TriangleMesh target_surface;
   if (target) target_surface = extract_surface(*target, SurfaceOf::kAll);

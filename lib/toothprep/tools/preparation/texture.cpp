@@ -64,10 +64,10 @@ double surface_roughness(const CutFacets& facets) {
   return count > 0 ? std::sqrt(sum / count) : NAN;
 }
 
-double line_angle_radius(const CutFacets& facets, const std::vector<WallFacet>& walls,
-                         const std::vector<Floor>& floors, const PreparationFrame& frame,
-                         const TriangleTree& prepared) {
-  Weighted radii;
+LineAngles line_angle_radius(const CutFacets& facets, const std::vector<WallFacet>& walls,
+                             const std::vector<Floor>& floors, const PreparationFrame& frame,
+                             const TriangleTree& prepared) {
+  Weighted radii, angles;
   for (const WallFacet& w : walls) {
     if (w.floor < 0 || !w.in_middle_third()) continue;
     const Facet& f = facets[w.facet];
@@ -80,9 +80,11 @@ double line_angle_radius(const CutFacets& facets, const std::vector<WallFacet>& 
     const double gap = prepared.nearest(f.centroid - way * slope).distance;
     const double angle = units::kPi - std::acos(std::clamp(f.normal.dot(normal), -1.0, 1.0));
     const double share = 1 / std::sin(angle / 2) - 1;
-    if (share > 0.05) radii.add(gap / share, f.area);
+    if (!(share > 0.05)) continue;
+    radii.add(gap / share, f.area);
+    angles.add(units::to_degree(angle), f.area);
   }
-  return radii.quantile(0.5);
+  return {radii.quantile(0.5), angles.quantile(0.5)};
 }
 
 }  // namespace toothprep

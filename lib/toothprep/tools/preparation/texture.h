@@ -14,10 +14,14 @@ double surface_roughness(const CutFacets& facets);
 
 // Radius (mm) of the rounding between walls and the floor at their foot: where the slope of a
 // wall's middle third meets the floor's plane, the surface stays a gap g away, and a circle that
-// touches both has r = g / (1/sin(angle/2) - 1). Median over area; NaN if no wall stands on a
+// touches both has r = g / (1/sin(angle/2) - 1). Medians over area; NaN if no wall stands on a
 // floor.
-double line_angle_radius(const CutFacets& facets, const std::vector<WallFacet>& walls,
-                         const std::vector<Floor>& floors, const PreparationFrame& frame,
-                         const TriangleTree& prepared);
+struct LineAngles {
+  double radius = 0;     // mm
+  double angle_deg = 0;  // between wall and floor
+};
+LineAngles line_angle_radius(const CutFacets& facets, const std::vector<WallFacet>& walls,
+                             const std::vector<Floor>& floors, const PreparationFrame& frame,
+                             const TriangleTree& prepared);
 
 }  // namespace toothprep
