@@ -100,6 +100,7 @@ void set_bodies(LayeredTooth& tooth, std::vector<Body> list, LabelGrid of) {
   LabelGrid solid_only = make_body_grid(tooth.tissue, list.size());
   for (std::size_t b = 0; b < of.table_size(); ++b) {
     const std::uint8_t *body = of.brick(b), *tissue = tooth.tissue.brick(b);
+    if (tooth.tissue.is_uniform(b) && tissue[0] == 0) continue;  // most of an arch's box is air
     for (int v = 0; v < kBrickVoxels; ++v) {
       values[v] = tissue[v] == 0 ? std::uint8_t{0} : body[v];
       if (tissue[v] != 0 && (body[v] == 0 || body[v] > list.size()))
