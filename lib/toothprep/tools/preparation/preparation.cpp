@@ -73,12 +73,12 @@ double angle_uncertainty(const Bench& bench, double span, double opposite_span) 
 }
 
 // Of an arc between two sides at that angle (degrees), from the gap between arc and corner, which is
-// 0.41 of the radius at a right angle and less at a wider one. Voxels bevel the corner by up to 0.45
+// 0.41 of the radius at a right angle and less at a wider one. Voxels bevel the corner by up to half
 // of them. Sides that may each stand off their place, as those of labels and scans, move it too.
 double radius_uncertainty(const Bench& bench, double angle_deg) {
   const double sine = std::sin(angle_deg * kDegree / 2), share = 1 / sine - 1;
   const double aside = std::max(bench.options.cut_tolerance, bench.options.cut_label_spacing / 2);
-  return std::max(bench.resolution(), (0.45 * bench.voxel() + aside / sine) / share);
+  return std::max(bench.resolution(), (0.5 * bench.voxel() + aside / sine) / share);
 }
 
 std::string text_of(double value, fmt::format_string<double> format) {
