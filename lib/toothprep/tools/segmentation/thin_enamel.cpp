@@ -24,6 +24,7 @@ struct Place {
   Layer layer = Layer::kOther;
   double surface = 0, thickness = 0;  // s, t of the header, voxels
   double overshoot = 0;               // of the step
+  bool bright = false;                // enamel by its grey alone
 };
 
 double step_slope(double z) { return std::exp(-0.5 * z * z) / std::sqrt(2 * M_PI); }
@@ -69,16 +70,17 @@ Fit fit_layer(const SurfaceProfiles& profiles, std::size_t p, double outer, doub
 void look(const SurfaceProfiles& profiles, std::size_t p, const GreyClasses& classes, double blur,
           Place& place) {
   const double step = classes.enamel - classes.dentin;
+  double brightest = classes.surroundings;
+  for (int s = profiles.before; profiles.x(s) <= kInnerFrom * blur; ++s)
+    brightest = std::max<double>(brightest, profiles.of(p)[s]);
+  place.bright = brightest > classes.dentin + 0.5 * step;
   const double inner = profiles.mean(p, kInnerFrom * blur, kInnerTo * blur),
                outer = profiles.mean(p, -3 * blur, -2 * blur);
   if (std::abs(inner - classes.dentin) > kSameTissue * step ||
       std::abs(outer - classes.surroundings) > 0.2 * (classes.dentin - classes.surroundings))
     return;
-  double brightest = inner;
-  for (int s = profiles.before; profiles.x(s) <= kInnerFrom * blur; ++s)
-    brightest = std::max<double>(brightest, profiles.of(p)[s]);
   place.layer = Layer::kNone;
-  place.overshoot = (brightest - inner) / step;
+  place.overshoot = std::max(brightest - inner, 0.0) / step;
 }
 
 // How far the profiles of bare dentin overshoot, with 3 standard deviations: from the lower part of
@@ -125,6 +127,32 @@ std::vector<Place> judge_places(const SurfaceProfiles& profiles, const GreyClass
   return places;
 }
 
+// Thin enamel is where enamel runs out: what no enamel is beside is something else, such as a rim of
+// denser dentin.
+void keep_beside_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
+                        std::vector<Place>& places) {
+  std::vector<std::size_t> kept;
+  std::vector<std::uint8_t> reached(places.size());
+  for (std::size_t p = 0; p < places.size(); ++p)
+    if (places[p].bright) kept.push_back(p), reached[p] = 1;
+  while (!kept.empty()) {
+    const Index3 at = profiles.voxel[kept.back()];
+    kept.pop_back();
+    for (int n = 0; n < 27; ++n) {
+      const Index3 i = at + Index3(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
+      if (i.minCoeff() < 0 || (box.size - i).minCoeff() <= 0) continue;
+      const std::int32_t p = profiles.place[box.offset(i.x(), i.y(), i.z())];
+      if (p < 0) continue;
+      const auto u = static_cast<std::size_t>(p);
+      if (reached[u] || places[u].layer != Layer::kThin) continue;
+      reached[u] = 1;
+      kept.push_back(u);
+    }
+  }
+  for (std::size_t p = 0; p < places.size(); ++p)
+    if (!reached[p] && places[p].layer == Layer::kThin) places[p].layer = Layer::kNone;
+}
+
 // The mean over the places around a voxel's foot on the surface, if most of them have thin enamel.
 bool layer_around(const WorkBox& box, const SurfaceProfiles& profiles,
                   const std::vector<Place>& places, const Vec3& at, const Vec3& foot, double sigma,
@@ -157,7 +185,8 @@ bool layer_around(const WorkBox& box, const SurfaceProfiles& profiles,
 ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles, const Field& depth,
                             const Field& level, const GreyClasses& classes, double sigma,
                             double noise, double blur, double outside) {
-  const std::vector<Place> places = judge_places(profiles, classes, sigma, noise, blur);
+  std::vector<Place> places = judge_places(profiles, classes, sigma, noise, blur);
+  keep_beside_enamel(box, profiles, places);
   ThinEnamel result;
   bool any = false;
   for (std::size_t p = 0; p < places.size(); ++p) {

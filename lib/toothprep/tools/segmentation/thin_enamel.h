@@ -19,7 +19,8 @@
 // can't be told from a darker, thicker one. A layer much thinner than sigma looks like a surface that
 // lies farther out, so t has an uncertainty that grows towards zero; a layer counts from 0.6 scan
 // voxels, if it is 3 standard deviations of noise thick and above what the roots' profiles, which have
-// no enamel, give (reconstructions that sharpen edges overshoot there).
+// no enamel, give (reconstructions that sharpen edges overshoot there), and if it borders on enamel that
+// thresholds find, or on such a layer.
 #pragma once
 
 #include "toothprep/tools/segmentation/surface_profiles.h"

@@ -111,13 +111,38 @@ constexpr double kReach = kBandVoxels + 1;
 double skin_depth(double blur) { return 3 * blur; }
 double far_depth(double blur) { return std::max(skin_depth(blur), kReach) + 2 * blur; }
 
+// The grey that parts dentin and enamel at a depth below the surface (voxels). A layer of enamel
+// that is little thicker than the blur doesn't reach enamel's grey: by half-way greys it would be
+// lost below 1.5 scan voxels. So near the surface less is asked for, still more than noise makes
+// after smoothing.
+float enamel_border(const GreyClasses& classes, double depth, double blur) {
+  constexpr double kAtSurface = 0.33, kHalfWay = 0.5;
+  const double share =
+      kAtSurface + (kHalfWay - kAtSurface) * std::clamp(depth / blur - 1, 0.0, 1.0);
+  return static_cast<float>(classes.dentin + share * (classes.enamel - classes.dentin));
+}
+
+// Enamel that is too thin for enamel_border(): there the tissue's grey is what gives the fitted
+// border, and the surface's threshold what the fitted layer has at its surface.
+void apply_thin_enamel(const ThinEnamel& thin, const Field& depth, const GreyClasses& classes,
+                       double sigma, double blur, UnderSurface& under) {
+  const double slope = steepest(sigma);  // of a blurred border
+  for (const ThinEnamel::Voxel& v : thin.voxels) {
+    const double share = std::clamp(slope * v.above, -0.5, 0.5);
+    under.plateau[v.at] = enamel_border(classes, depth[v.at], blur) +
+                          static_cast<float>(share * (classes.enamel - classes.dentin));
+    if (under.near[v.at]) under.cover[v.at] = v.cover;
+  }
+}
+
 // Below the outer surface greys are mixed with the surroundings': over enamel they pass through
 // dentin's, which by thresholds alone would put a layer of dentin on the enamel. So a voxel takes
 // the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
 // and never under dentin. `depth` is the depth below the surface at voxel accuracy, `level` a field
 // whose gradient points inwards.
 UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Field& depth,
-                                Field level, const GreyClasses& classes, double blur) {
+                                Field level, const GreyClasses& classes, double blur,
+                                const ThinEnamel& thin, double sigma) {
   const std::size_t n = box.voxels();
   const double skin = skin_depth(blur);
   UnderSurface under{grey, Field(n, 0.0f), Mask(n, 0)};
@@ -142,8 +167,9 @@ UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Fie
   });
 
   Field().swap(level);
+  apply_thin_enamel(thin, depth, classes, sigma, blur, under);
 
-  // A smooth transition at the cervix.
+  // A smooth transition at the cervix, also where thin enamel begins.
   Field weight(under.near.begin(), under.near.end());
   smooth(box.size, under.cover, blur);
   smooth(box.size, weight, blur);
@@ -209,30 +235,6 @@ SignedField solid_field(const WorkBox& box, const Field& grey, const Field& dept
       [&](std::size_t first, std::size_t count, float* values) {
         for_each_in_plane(along.metal, first, count, values, end_at_metal);
       });
-}
-
-// The grey that parts dentin and enamel at a depth below the surface (voxels). A layer of enamel
-// that is little thicker than the blur doesn't reach enamel's grey: by half-way greys it would be
-// lost below 1.5 scan voxels. So near the surface less is asked for, still more than noise makes
-// after smoothing.
-float enamel_border(const GreyClasses& classes, double depth, double blur) {
-  constexpr double kAtSurface = 0.33, kHalfWay = 0.5;
-  const double share =
-      kAtSurface + (kHalfWay - kAtSurface) * std::clamp(depth / blur - 1, 0.0, 1.0);
-  return static_cast<float>(classes.dentin + share * (classes.enamel - classes.dentin));
-}
-
-// Enamel that is too thin for enamel_border(): there the tissue's grey is what gives the fitted
-// border, and the surface's threshold what the fitted layer has at its surface.
-void apply_thin_enamel(const ThinEnamel& thin, const Field& depth, const GreyClasses& classes,
-                       double sigma, double blur, UnderSurface& under) {
-  const double slope = steepest(sigma);  // of a blurred border
-  for (const ThinEnamel::Voxel& v : thin.voxels) {
-    const double share = std::clamp(slope * v.above, -0.5, 0.5);
-    under.plateau[v.at] = enamel_border(classes, depth[v.at], blur) +
-                          static_cast<float>(share * (classes.enamel - classes.dentin));
-    if (under.near[v.at]) under.cover[v.at] = v.cover;
-  }
 }
 
 // Its voxels; what lies within the blur around it is enamel or dentin by the greys beyond that.
@@ -514,8 +516,8 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
                                options.thin_enamel);
     if (report && options.keep_greys) report->greys = std::move(*seen.greys);
     seen.greys.reset();
-    UnderSurface under = look_under_surface(box, grey, depth, std::move(level), classes, blur);
-    apply_thin_enamel(along.thin, depth, classes, along.sigma, blur, under);
+    const UnderSurface under = look_under_surface(box, grey, depth, std::move(level), classes, blur,
+                                                  along.thin, along.sigma);
     fields.solid = solid_field(box, grey, depth, rough, cavity, under, along, classes, blur);
     cavity.from_outside = {};
     progress("separating the tissues", 0.7);
