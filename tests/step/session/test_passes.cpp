@@ -125,6 +125,14 @@ Errors errors_of(const Passes& p, double voxel, double of_pass = 0.01, double of
   return e;
 }
 
+// And back through its own slot, upright or leant, a bur feels nothing; but for the inverted cone,
+// whose acute edge the lattice rounds: a leant one feels 0.26 % at 0.1 mm.
+void expect_right(const Passes& p, const Errors& e) {
+  EXPECT_LT(e.beyond, 1) << p.bur << ", leant by " << p.across << ", " << p.along;
+  const bool acute = std::string(p.bur).starts_with("inverted-cone");
+  EXPECT_LT(e.back, acute ? 0.003 : 0.001) << p.bur << ", leant by " << p.across << ", " << p.along;
+}
+
 TEST(SweptSections, OfUprightBallsAndCylindersAreTheClosedForms) {
   // A cylinder newly sweeps step x depth; a ball that is half immersed, the strip between two arcs.
   const Passes cylinder{"cylinder:D1.2xL3.0", 1.1, 0, 0, 2, {0, 0.2, 0.37}};
@@ -154,14 +162,14 @@ const std::vector<Passes>& selection() {
 }
 
 TEST(OverlappingPasses, WorkIsTheEnergyOfWhatIsNewlySweptAtATenthOfAMillimetre) {
-  for (const Passes& p : selection()) EXPECT_LT(errors_of(p, 0.1).beyond, 1) << p.bur;
+  for (const Passes& p : selection()) expect_right(p, errors_of(p, 0.1));
 }
 
 // A fifth of the speed: cuts come as near to the surface as before.
 TEST(OverlappingPasses, ASlowBurFeelsWhatAFastOneDoes) {
   for (Passes p : {selection()[0], selection()[4]}) {
     p.speed = 1.6;
-    EXPECT_LT(errors_of(p, 0.1).beyond, 1) << p.bur;
+    expect_right(p, errors_of(p, 0.1));
   }
 }
 
@@ -169,7 +177,7 @@ TEST(OverlappingPasses, ASlowBurFeelsWhatAFastOneDoes) {
 TEST(OverlappingPasses, WorkIsThreeTimesCloserAtHalfOfThat) {
   for (Passes p : selection()) {
     p.z.resize(2);
-    EXPECT_LT(errors_of(p, 0.05, 0.003, 0.0005).beyond, 1) << p.bur;
+    expect_right(p, errors_of(p, 0.05, 0.003, 0.0005));
   }
 }
 
@@ -335,18 +343,18 @@ std::vector<double> work_aside_and_back(double aside, double voxel) {
 }
 
 // A cut is due after a voxel of way: until then the second turn may meet the same tissue. What is
-// left afterwards is the wall's error on the lattice, D²/8R: 2.1 um of the 40 at a tenth of a
-// millimetre, where the two outermost planes of voxels do not see the segment's tip.
+// left afterwards is the wall's error on the lattice, D²/8R = 2.1 um of the 40 at a tenth of a
+// millimetre, where the two outermost planes of voxels do not see the segment's tip, and the
+// hundredth of a voxel by which contact is ahead of the surface.
 TEST(OverlappingPasses, WhatIsGroundAsideAndBackInPlaceIsGroundOnce) {
   struct Case {
-    double aside, voxel, first, later;
+    double aside, voxel, later;
   };
-  for (const Case c :
-       {Case{0.04, 0.1, 0.15, 0.07}, {0.07, 0.1, 0.08, 0.01}, {0.04, 0.05, 0.05, 0.002}}) {
+  for (const Case c : {Case{0.04, 0.1, 0.08}, {0.07, 0.1, 0.02}, {0.04, 0.05, 0.002}}) {
     const std::vector<double> work = work_aside_and_back(c.aside, c.voxel);
     std::printf("aside by %.2f mm at %.2f mm: %.4f %.4f %.4f %.4f of the energy\n", c.aside,
                 c.voxel, work[0], work[1], work[2], work[3]);
-    EXPECT_NEAR(work[0], 1, c.first) << c.aside << " mm, " << c.voxel;
+    EXPECT_NEAR(work[0], 1, 0.02) << c.aside << " mm, " << c.voxel;
     EXPECT_LT(work[2], c.later) << c.aside << " mm, " << c.voxel;
     EXPECT_LT(work[3], c.later) << c.aside << " mm, " << c.voxel;
   }

@@ -25,6 +25,9 @@ constexpr float kStands = 0.5f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
+// A head has a sharp edge where its outline turns by more than this (sine).
+constexpr double kSharpEdge = 0.3;
+constexpr float kFlatEnd = 0.999f;  // cosine of an end's normal and the axis, at least
 // Motion along another direction (cosine) finds something else.
 constexpr float kSameDirection = 0.995f;
 
@@ -57,6 +60,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   standing_.resize(n);
   settled_.assign(n, -1);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
+  note_edges(bur);
   first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
 }
 
@@ -82,6 +86,24 @@ void ContactModel::add_element(std::size_t i) {
   for (int p = 0; p < kPieces; ++p) {
     add_piece(i, (2 * p + 1.0) / kPieces - 1, 0, kPieces, 1, strips_);
     add_piece(i, (p >> 1) - 0.5, (p & 1) - 0.5, kPiecesAcross, kPiecesAcross, squares_);
+  }
+}
+
+// Which elements of a flat end lie at its sharp edge.
+void ContactModel::note_edges(const Bur& bur) {
+  const SurfaceElements& e = elements_;
+  beside_edge_.assign(e.size(), 0);
+  const std::vector<ProfilePiece>& outline = bur.profile();
+  for (std::size_t k = 1; k < outline.size(); ++k) {
+    const ProfilePoint before = point_on(outline[k - 1], 1), after = point_on(outline[k], 0);
+    const double turn = before.along_r * after.along_z - before.along_z * after.along_r;
+    if (turn < kSharpEdge) continue;
+    for (std::size_t i = 0; i < e.size(); ++i) {
+      const double r = static_cast<double>(e.radius[i]), z = static_cast<double>(e.z[i]);
+      if (std::abs(e.nz[i]) < kFlatEnd) continue;
+      if (std::hypot(r - after.r, z - after.z) < 1.1 * static_cast<double>(e.half_along[i]))
+        beside_edge_[i] = 1;
+    }
   }
 }
 
@@ -303,7 +325,7 @@ void ContactModel::look(const Scan& scan, int i) noexcept {
   const std::int64_t brick = workpiece.cut().brick_index(cell.x(), cell.y(), cell.z());
   if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) return;
   const FieldSample cut = field_at(workpiece.cut(), f.base, at);
-  const float value = at_surface(cut, ahead);
+  const float value = at_surface(cut, kTakenBack * ahead);
   const HalfRanges ranges(e, i, f.gradient(cut));
   const float extent = ranges.extent();
   // A wall may bend towards the element's corners.

@@ -88,6 +88,7 @@ class ContactModel {
   struct Lanes;
 
   void add_element(std::size_t i);
+  void note_edges(const Bur& bur);
   ContactSet::Element point_of(std::size_t i, double around, double along, double share) const;
   void add_piece(std::size_t i, double around, double along, int across, int up, Pieces& to);
 
@@ -114,6 +115,7 @@ class ContactModel {
   ContactSet contact_;
   // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
+  std::vector<float> beside_edge_;      // 1 at the sharp edge of a flat end, else 0
   std::vector<float> corner_;           // and how far its corner is from its middle, mm
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each

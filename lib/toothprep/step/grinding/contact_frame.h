@@ -16,6 +16,10 @@ constexpr float kMarginSine = 0.05f;
 // Keeps a division defined where the field is flat or meets an element face on, mm.
 constexpr float kLeastExtent = 1e-6f;
 
+// What a sample ahead of the surface finds of the cut is taken back by this part of the reach. The
+// rest, a hundredth of a voxel, keeps a bur that rests in what it has cut itself in touch with it.
+constexpr float kTakenBack = 0.9f;
+
 // The cell of an index coordinate beside the tip's voxel. Cutting towards zero is floor for what is
 // positive, and vectorises with SSE2 alone. The offset costs up to 3e-4 voxel: so close to a border
 // of two cells either serves, since the interpolant is continuous.

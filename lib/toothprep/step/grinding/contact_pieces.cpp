@@ -21,7 +21,12 @@ constexpr float kParallel = 0.15f;
 // no more is asked for than this part of the depth at which fresh tissue is found.
 constexpr float kWallAtMost = 1.0f / 12;
 constexpr float kFresh = 0.5f;
-constexpr float kLeastShare = 1e-4f;  // of a piece: less is nothing
+// The floor that the sharp edge of a flat end left stands out by more (voxels): where the end isn't
+// parallel to the motion the sub-poses of a sweep leave teeth, and the lattice rounds the corner.
+// It lies towards the edge, where the wall of an earlier cut beside the bur lies around the axis.
+constexpr float kEdgeStandsOut = 0.1f;
+constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
+constexpr float kLeastShare = 1e-4f;      // of a piece: less is nothing
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
 
@@ -106,6 +111,7 @@ struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
   float curvature_along, curvature_around;
+  float beside_edge;  // 1 at the sharp edge of a flat end, else 0
   Float4 ux, uy, uz;  // velocity, mm/s, B
   Float4 advance;     // v·n, mm/s
   Float4 ix, iy, iz;  // index of the sample, from the tip's voxel
@@ -165,6 +171,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   Lanes lanes;
   lanes.curvature_along = e.curvature_along[i];
   lanes.curvature_around = e.curvature_around[i];
+  lanes.beside_edge = beside_edge_[i];
   const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
   lanes.speed = scan.turns ? u.norm() : scan.speed;
   const float per_speed = lanes.speed > 0 ? 1 / lanes.speed : 0;
@@ -254,7 +261,7 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   const Fields here = s.sample(cut, scan.frame);
   const Float4 surface =
       here.value + wall -
-      (scan.reach * per_speed) * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
+      (kTakenBack * scan.reach * per_speed) * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
   const CoveredPart<Float4> near =
       covered_part<Float4>(surface, (here.gx * lx + here.gy * ly + here.gz * lz) * along,
                            (here.gx * tx + here.gy * ty) * around);
@@ -281,10 +288,16 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   const Float4 vl = (s.ux * lx + s.uy * ly + s.uz * lz) * per_speed,
                vt = (s.ux * tx + s.uy * ty) * per_speed;
   const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
-  const Float4 fresh = (kFresh * 0.5f * look * look) * bend,
-               stands_out = all4(kWallAtMost * voxel * voxel * (ka + kt));
+  const Float4 towards_edge = range_along * range_along;
+  const Float4 at_edge =
+      s.beside_edge * towards_edge /
+      greatest(towards_edge + range_around * range_around, all4(kLeastExtent * kLeastExtent));
+  const Float4 fresh = (kFresh * 0.5f * look * look) * bend +
+                       (kFresh * look * per_speed * s.beside_edge) * greatest(s.advance, Float4{}),
+               stands_out =
+                   all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * at_edge;
   const Float4 hidden = least(least(value, back), surface);
-  const Int4 parallel = s.advance < kParallel * s.speed;
+  const Int4 parallel = s.advance < (s.beside_edge > 0 ? kParallelAtEdge : kParallel) * s.speed;
   const CoveredPart<Float4> far =
       covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,
                            range_along, range_around);
