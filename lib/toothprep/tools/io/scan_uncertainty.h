@@ -34,7 +34,7 @@ struct SurfaceUncertainty {
   // taken at random; half, and 95 %, of the places have at most the others. Zero where there is none.
   struct Figures {                               // as said above
     double half_width = 0, median = 0, p95 = 0;  // mm
-    std::size_t places = 0;
+    std::size_t places = 0;                      // that they are of
   };
   std::array<Figures, kScanSurfaces> figures{};  // by ScanSurface
 
