@@ -1,7 +1,7 @@
 // What ITK alone takes for what `voxelize` begins with: reads a scan (NRRD), resamples it linearly to cubic voxels
 // over its whole extent where a voxel size is given, and thresholds it half-way between its least and greatest grey.
 //
-//     bench_itk_threshold SCAN.nrrd [VOXEL_MM]
+//     itk_threshold SCAN.nrrd [VOXEL_MM]
 #include <itkBinaryThresholdImageFilter.h>
 #include <itkImageFileReader.h>
 #include <itkMinimumMaximumImageCalculator.h>
