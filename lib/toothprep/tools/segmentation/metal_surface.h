@@ -11,7 +11,7 @@
 // from the surroundings' grey T is the steeper the higher the metal's grey M is. M is the one that the
 // ways between a fifth and three fifths of T .. clip fit best all over the metal's surface (least sum of
 // absolute differences), and s follows. Metal thinner than three voxels of the scan doesn't reach its
-// grey and comes out too thin. Streaks and shadows aren't corrected.
+// grey and comes out too thick. Streaks and shadows aren't corrected.
 #pragma once
 
 #include "toothprep/tools/segmentation/surface_profiles.h"

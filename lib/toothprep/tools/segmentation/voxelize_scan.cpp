@@ -237,14 +237,15 @@ SignedField solid_field(const WorkBox& box, const Field& grey, const Field& dept
       });
 }
 
-// Its voxels; what lies within the blur around it is enamel or dentin by the greys beyond that.
-Mask metal_of(const MetalSurface& metal, const GreyClasses& classes, Mask& enamel) {
-  Mask inside = metal.metal;
-  for (const MetalSurface::Voxel& v : metal.voxels) {
-    inside[v.at] = v.inside > 0;
-    enamel[v.at] = v.inside <= 0 && v.outer > classes.threshold_enamel;
-  }
-  return inside;
+// How far greys lie above enamel's border. Within the blur around metal they are the greys beyond that.
+Field above_enamel_border(const WorkBox& box, const Field& depth, const UnderSurface& under,
+                          const MetalSurface& metal, const GreyClasses& classes, double blur) {
+  Field above(box.voxels());
+  for (std::size_t v = 0; v < above.size(); ++v)
+    above[v] = static_cast<float>(under.plateau[v] - enamel_border(classes, depth[v], blur));
+  for (const MetalSurface::Voxel& v : metal.voxels)
+    above[v.at] = static_cast<float>(v.outer - classes.threshold_enamel);
+  return above;
 }
 
 // The tissues against each other, by their greys without the surroundings' share; beside metal they
@@ -254,15 +255,15 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
                        const GreyClasses& classes, double blur, ToothFields& fields) {
   const std::size_t n = box.voxels();
   Mask solid(n), domain(n), enamel(n);
-  const auto above_border = [&](std::size_t v) {
-    return under.plateau[v] - enamel_border(classes, depth[v], blur);
-  };
+  const Field above = above_enamel_border(box, depth, under, along.metal, classes, blur);
   for (std::size_t v = 0; v < n; ++v) {
     solid[v] = fields.solid[v] > 0;
     domain[v] = depth[v] > -kReach;
-    enamel[v] = domain[v] && under.plateau[v] > enamel_border(classes, depth[v], blur);
+    enamel[v] = domain[v] && above[v] > 0;
   }
-  const Mask metal = metal_of(along.metal, classes, enamel);
+  Mask metal = along.metal.metal;
+  for (const MetalSurface::Voxel& v : along.metal.voxels) metal[v.at] = v.inside > 0;
+  for (std::size_t v = 0; v < metal.size(); ++v) enamel[v] = enamel[v] && !metal[v];
   // First in the solid alone, where an island can't hide behind its connection through the outside.
   clean_islands(box, solid, cavity.mask, enamel);
   clean_islands(box, domain, cavity.mask, enamel);
@@ -275,8 +276,7 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
   const auto in_pulp = [&](std::size_t v) { return has_pulp && cavity.mask[v]; };
   const auto in_metal = [&](std::size_t v) { return has_metal && metal[v]; };
   const auto of_enamel = [&](std::size_t v) {
-    return signed_as(enamel[v] && !in_pulp(v),
-                     scaled(above_border(v), classes.enamel - classes.dentin));
+    return signed_as(enamel[v] && !in_pulp(v), scaled(above[v], classes.enamel - classes.dentin));
   };
   const auto of_pulp = [&](std::size_t v) {
     return signed_as(in_pulp(v), scaled(cavity.border - grey[v], classes.dentin - cavity.grey));
