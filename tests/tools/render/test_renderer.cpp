@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -303,6 +304,38 @@ TEST(Renderer, TheFloorOfAWellIsDarkerThanOpenGround) {
   };
   EXPECT_LT(brightness(true), 0.8f * brightness(false));
   EXPECT_GT(brightness(true), 0.15f);  // still to be seen
+}
+
+// Few rays where a pixel shows one surface; all samples of every pixel where the scene has a ghost,
+// be it out of the picture. A ball on a floor: open ground, a crease, a shadow, outlines.
+TEST(Renderer, FewRaysGiveTheColourOfAllSamples) {
+  const auto draw = [](bool all) {
+    std::vector<RenderPart> parts(all ? 3 : 2);
+    parts[0].mesh = make_sphere(Vec3(0, 0, 1), 1, 60);
+    parts[1].mesh = make_square(Vec3::Zero(), Vec3::UnitZ(), 2);
+    if (all) {
+      parts[2].mesh = make_square(Vec3(0, 0, -9), Vec3::UnitZ(), 2);  // below the floor
+      parts[2].ghost = true;
+    }
+    const Renderer renderer(std::move(parts));
+    const std::vector<const TriangleMesh*> meshes = renderer.meshes();
+    Fit fit;
+    fit.width = 150, fit.height = 110;
+    const View view = {"oblique", Vec3(0.3, 1, -1), Vec3::UnitZ()};
+    return renderer.render(fit_camera(view, {meshes[0], meshes[1]}, fit), {.ambient_reach = 1.0});
+  };
+  const Image few = draw(false), all = draw(true);
+  double sum = 0, most = 0;
+  for (std::size_t i = 0; i < few.rgba.size(); ++i) {
+    const double difference = std::abs(few.rgba[i] - all.rgba[i]);
+    sum += difference;
+    most = std::max(most, difference);
+  }
+  // 96 rays in layers know the open share of the sky to 0.05, 16 to the lamp to 0.1; the sky gives
+  // 0.4 of the light, the lamp 0.66.
+  EXPECT_LT(most, 0.1);
+  EXPECT_LT(sum / static_cast<double>(few.rgba.size()), 0.002);
+  EXPECT_EQ(few.depth, all.depth);
 }
 
 TEST(Renderer, AGhostTintsButLeavesTheDataAlone) {

@@ -1,6 +1,5 @@
 #include "toothprep/tools/render/renderer.h"
 
-#include <tbb/blocked_range2d.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -8,6 +7,8 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <span>
 #include <string>
 
 #include "toothprep/step/core/errors.h"
@@ -19,6 +20,7 @@ namespace toothprep {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kTile = 32;  // pixels each way that are drawn in one go; even
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 // A number in [0, 1) for each pixel, of which near ones differ much (J. Jimenez, SIGGRAPH 2014).
@@ -88,6 +90,41 @@ bool of_one_surface(const Seen& a, const Seen& b, double largest_step) {
   return a.on_cut == b.on_cut && a.tissue == b.tissue && a.normal.dot(b.normal) > 0.99 &&
          std::abs(a.depth - b.depth) < largest_step;
 }
+
+// What is seen at the centres of some pixels and at their corners and some corners around, row by
+// row; and whether the key light meets each corner, by one ray.
+struct Tile {
+  static constexpr int kAround = 2;
+  int left, top, width, height;  // pixels
+  std::vector<Seen> centres, corners;
+  std::vector<bool> lit;
+
+  const Seen& centre(int x, int y) const {
+    return centres[static_cast<std::size_t>(y * width + x)];
+  }
+  // That at the upper left of pixel x, y.
+  std::size_t corner(int x, int y) const {
+    return static_cast<std::size_t>((y + kAround) * (width + 2 * kAround + 1) + x + kAround);
+  }
+  std::array<std::size_t, 4> corners_of(int x, int y) const {
+    return {corner(x, y), corner(x + 1, y), corner(x, y + 1), corner(x + 1, y + 1)};
+  }
+  // Whether a pixel's centre and corners are of one surface, so that they stand for all samples.
+  bool plain(int x, int y, double largest_step) const {
+    for (const std::size_t c : corners_of(x, y))
+      if (!of_one_surface(corners[c], centre(x, y), largest_step)) return false;
+    return true;
+  }
+  // Whether the corners in and around a pixel are in the key light; nothing where they disagree.
+  std::optional<bool> all_lit(int x, int y) const {
+    const bool one = lit[corner(x, y)];
+    for (int v = y - kAround; v <= y + kAround + 1; ++v)
+      for (int u = x - kAround; u <= x + kAround + 1; ++u)
+        if (lit[corner(u, v)] != one && corners[corner(u, v)].depth < kInfinity)
+          return std::nullopt;
+    return one;
+  }
+};
 
 }  // namespace
 
@@ -199,7 +236,8 @@ struct Renderer::Pass {
   double lift;   // mm: rays start this far above the surface, so as not to meet it
   std::optional<CutPlane> cut;
   Vec3 key, fill, sky, key_u, key_v;
-  std::vector<SkyRay> plain_rays, sample_rays;  // for draw_plain(), for draw_samples()
+  std::vector<SkyRay> plain_rays, sample_rays;  // for sky_shares(), for draw_samples()
+  bool any_ghost;
 
   // The part of a ray behind the cut; `entry`: it begins on the cut, seen from the removed side.
   bool kept(const Vec3& origin, const Vec3& along, double& from, double& to, bool& entry) const {
@@ -298,12 +336,20 @@ struct Renderer::Pass {
     return blocked(seen.point + lift * seen.face, along, 1e6) ? 0.f : 1.f;
   }
 
-  Colour shade(const Seen& seen, float open, float lit) const {
+  // `sky_parts`: how much of the sky is open to the place, of equal parts of the sky.
+  Colour shade(const Seen& seen, std::span<const float> sky_parts, float lit) const {
     const auto facing = [&](const Vec3& light) {
       return static_cast<float>(std::max(0.0, seen.normal.dot(light)));
     };
     // Light thrown to and fro between walls of this colour: a geometric series.
-    const Colour bounced = open / (1 - 0.8f * seen.colour * (1 - open));
+    Colour bounced = Colour::Zero();
+    float open = 0;
+    for (const float part : sky_parts) {
+      bounced += part / (1 - 0.8f * seen.colour * (1 - part));
+      open += part;
+    }
+    bounced /= static_cast<float>(sky_parts.size());
+    open /= static_cast<float>(sky_parts.size());
     const float upward = static_cast<float>(seen.normal.dot(sky));
     Colour light = bounced * (0.40f + 0.08f * upward);
     light += 0.66f * lit * facing(key);
@@ -325,61 +371,96 @@ struct Renderer::Pass {
     alpha = density + (1 - density) * alpha;
   }
 
-  void draw_pixel(int x, int y, bool any_ghost, Image& image) const {
-    const std::size_t p = image.pixel(x, y);
-    Seen centre;
-    if (look(camera.place(x + 0.5, y + 0.5), false, centre)) {
-      image.depth[p] = static_cast<float>(centre.depth);
-      for (int k = 0; k < 3; ++k) image.normal[3 * p + k] = static_cast<float>(centre.normal[k]);
-      image.tissue[p] = static_cast<float>(centre.tissue);
-      image.deviation[p] = centre.deviation;
-    }
-    if (any_ghost || options.samples < 2 || !draw_plain(x, y, centre, image))
-      draw_samples(x, y, any_ghost, image);
+  Tile look_at_tile(int left, int top, Image& image) const {
+    Tile tile{
+        left, top, std::min(kTile, camera.width - left), std::min(kTile, camera.height - top), {},
+        {},   {}};
+    for (int y = top; y < top + tile.height; ++y)
+      for (int x = left; x < left + tile.width; ++x) {
+        Seen& seen = tile.centres.emplace_back();
+        if (!look(camera.place(x + 0.5, y + 0.5), false, seen)) continue;
+        const std::size_t p = image.pixel(x, y);
+        image.depth[p] = static_cast<float>(seen.depth);
+        for (int k = 0; k < 3; ++k) image.normal[3 * p + k] = static_cast<float>(seen.normal[k]);
+        image.tissue[p] = static_cast<float>(seen.tissue);
+        image.deviation[p] = seen.deviation;
+      }
+    if (any_ghost) return tile;
+    for (int y = top - Tile::kAround; y <= top + tile.height + Tile::kAround; ++y)
+      for (int x = left - Tile::kAround; x <= left + tile.width + Tile::kAround; ++x) {
+        Seen& seen = tile.corners.emplace_back();
+        const bool any = look(camera.place(x, y), false, seen);
+        // Neighbouring corners take the four parts of the lamp.
+        tile.lit.push_back(any && key_seen(seen, (x & 1) + 2 * (y & 1), 4, pixel_noise(x, y)) > 0);
+      }
+    return tile;
   }
 
-  // A pixel whose centre and corners are of one surface: its corners stand for all of its samples.
-  // A third of the rays to the sky and a quarter of those to the key light are tried first, and the
-  // others where these disagree.
-  bool draw_plain(int x, int y, const Seen& centre, Image& image) const {
-    const int n = options.samples;
-    const double inset = 0.5 / n, largest_step = 3 * camera.mm_per_pixel;
-    std::array<Seen, 4> corners;
-    for (int c = 0; c < 4; ++c) {
-      look(camera.place(x + (c % 2 ? 1 - inset : inset), y + (c / 2 ? 1 - inset : inset)), false,
-           corners[c]);
-      if (!of_one_surface(corners[c], centre, largest_step)) return false;
+  void draw_tile(int left, int top, Image& image) const {
+    const Tile tile = look_at_tile(left, top, image);
+    for (int y = 0; y < tile.height; y += 2)
+      for (int x = 0; x < tile.width; x += 2) draw_block(tile, x, y, image);
+  }
+
+  // Up to 2 x 2 pixels. Those of one surface share their rays to the sky.
+  void draw_block(const Tile& tile, int left, int top, Image& image) const {
+    const double largest_step = 3 * camera.mm_per_pixel;
+    std::vector<const Seen*> places;
+    std::vector<std::array<int, 2>> pixels;
+    bool together = true;
+    for (int y = top; y < std::min(top + 2, tile.height); ++y)
+      for (int x = left; x < std::min(left + 2, tile.width); ++x) {
+        if (any_ghost || !tile.plain(x, y, largest_step)) {
+          draw_samples(tile.left + x, tile.top + y, image);
+        } else if (tile.centre(x, y).depth < kInfinity) {
+          places.push_back(&tile.centre(x, y));
+          pixels.push_back({x, y});
+          together = together && of_one_surface(*places.front(), *places.back(), largest_step);
+        }
+      }
+    if (places.empty()) return;
+    const double turn = pixel_noise(tile.left + left, tile.top + top);
+    std::array<float, 4> open{};
+    if (together) open = sky_shares(places, turn);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      if (!together) open = sky_shares({places[i]}, turn);
+      draw_plain(tile, pixels[i][0], pixels[i][1], open, image);
     }
-    if (centre.depth == kInfinity) return true;
-    const double turn = pixel_noise(x, y);
+  }
+
+  // Of the quarters of the sky. A third of the rays first, and the others if one was blocked.
+  std::array<float, 4> sky_shares(const std::vector<const Seen*>& places, double turn) const {
     std::array<Sky, 4> above;
-    std::array<float, 4> lit{};
-    bool open = true, even = true;
-    for (int c = 0; c < 4; ++c) {
-      above[c] = sky_seen(corners[c], c, 12, plain_rays, turn);
-      lit[c] = key_seen(corners[c], c, 4, turn);
-      open = open && above[c].open == above[c].rays;
-      even = even && lit[c] == lit[0];
+    bool open = true;
+    for (int part = 0; part < 12 && (part < 4 || !open); ++part) {
+      Sky& quarter = above[part % 4];
+      const Sky more = sky_seen(*places[static_cast<std::size_t>(part) % places.size()], part, 12,
+                                plain_rays, turn);
+      quarter.rays += more.rays, quarter.open += more.open;
+      open = open && more.open == more.rays;
     }
-    Colour sum = Colour::Zero();
-    for (int c = 0; c < 4; ++c) {
-      for (int third = 4; !open && third < 12; third += 4) {
-        const Sky more = sky_seen(corners[c], c + third, 12, plain_rays, turn);
-        above[c].rays += more.rays, above[c].open += more.open;
-      }
-      if (!even) {
-        lit[c] = 0;
-        for (int s = c; s < 16; s += 4) lit[c] += key_seen(corners[c], s, 16, turn) / 4;
-      }
-      sum += shade(corners[c], above[c].share(), lit[c]);
-    }
-    const std::size_t p = image.pixel(x, y);
-    for (int k = 0; k < 3; ++k) image.rgba[4 * p + k] = sum[k] / 4;
-    image.rgba[4 * p + 3] = 1;
-    return true;
+    return {above[0].share(), above[1].share(), above[2].share(), above[3].share()};
   }
 
-  void draw_samples(int x, int y, bool any_ghost, Image& image) const {
+  // The mean of the pixel by Simpson's rule. The key light is tried by more rays where the
+  // corners' disagree.
+  void draw_plain(const Tile& tile, int x, int y, std::span<const float> open, Image& image) const {
+    const auto corners = tile.corners_of(x, y);
+    const std::optional<bool> all = tile.all_lit(x, y);
+    float lit = all.value_or(false) ? 1.f : 0.f;
+    if (!all) {
+      const double turn = pixel_noise(tile.left + x, tile.top + y);
+      for (std::size_t s = 0; s < 16; ++s)
+        lit += key_seen(tile.corners[corners[s % 4]], static_cast<int>(s), 16, turn) / 16;
+    }
+    Colour colour = 8 * shade(tile.centre(x, y), open, lit);
+    for (const std::size_t c : corners) colour += shade(tile.corners[c], open, lit);
+    const std::size_t p = image.pixel(tile.left + x, tile.top + y);
+    for (int k = 0; k < 3; ++k) image.rgba[4 * p + k] = colour[k] / 12;
+    image.rgba[4 * p + 3] = 1;
+  }
+
+  void draw_samples(int x, int y, Image& image) const {
     const std::size_t p = image.pixel(x, y);
     const int n = options.samples, total = n * n;
     const double turn = pixel_noise(x, y);
@@ -391,8 +472,8 @@ struct Renderer::Pass {
       Colour colour = Colour::Zero();
       float alpha = 0;
       if (look(origin, false, seen)) {
-        colour = shade(seen, sky_seen(seen, s, total, sample_rays, turn).share(),
-                       key_seen(seen, s, total, turn));
+        const float open = sky_seen(seen, s, total, sample_rays, turn).share();
+        colour = shade(seen, {&open, 1}, key_seen(seen, s, total, turn));
         alpha = 1;
       }
       if (any_ghost) add_ghost(origin, seen.depth, colour, alpha);
@@ -447,7 +528,8 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
             {},
             {},
             Pass::sky_rays(rounded_up(options.ambient_rays, 12)),
-            Pass::sky_rays(rounded_up(options.ambient_rays, options.samples * options.samples))};
+            Pass::sky_rays(rounded_up(options.ambient_rays, options.samples * options.samples)),
+            std::any_of(parts_.begin(), parts_.end(), [](const Part& p) { return p.part.ghost; })};
   if (pass.cut) {
     if (!pass.cut->point.allFinite() || !pass.cut->normal.allFinite() ||
         pass.cut->normal.stableNorm() == 0)
@@ -462,20 +544,15 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
   pass.key_v = pass.key.cross(pass.key_u);
   pass.fill = light(0.85, -0.15, 0.60);
   pass.sky = light(0, 0.8, 0.6);
-  const bool any_ghost =
-      std::any_of(parts_.begin(), parts_.end(), [](const Part& p) { return p.part.ghost; });
-
   Image image = empty_image(camera);
-  std::atomic<long> drawn{0};  // pixels
-  const double pixels = static_cast<double>(camera.width) * camera.height;
-  tbb::parallel_for(tbb::blocked_range2d<int>(0, camera.height, 16, 0, camera.width, 16),
-                    [&](const tbb::blocked_range2d<int>& tile) {
-                      const long before = drawn.fetch_add(tile.rows().size() * tile.cols().size());
-                      if (options.progress) options.progress(static_cast<double>(before) / pixels);
-                      for (int y = tile.rows().begin(); y < tile.rows().end(); ++y)
-                        for (int x = tile.cols().begin(); x < tile.cols().end(); ++x)
-                          pass.draw_pixel(x, y, any_ghost, image);
-                    });
+  const int across = (camera.width + kTile - 1) / kTile;
+  const int tiles = across * ((camera.height + kTile - 1) / kTile);
+  std::atomic<int> drawn{0};  // tiles
+  tbb::parallel_for(0, tiles, [&](int t) {
+    const int before = drawn++;
+    if (options.progress) options.progress(static_cast<double>(before) / tiles);
+    pass.draw_tile(t % across * kTile, t / across * kTile, image);
+  });
   return image;
 }
 
