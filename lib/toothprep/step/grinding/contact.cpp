@@ -12,19 +12,8 @@ constexpr double kMarginCosine = 0.9988;  // a little inside sqrt(1 - 0.05²)
 // While the handle turns, a trial velocity of less than this part of the sample's needs a new one.
 constexpr double kLeastSpeed = 0.5;
 constexpr float kRounding = 1e-6f;  // of the speed
-// A field's range over an element is taken this much larger before it counts as engaged as a whole.
-constexpr float kSlack = 1.1f;
 // Elements look for the walls of other cuts this part of their size ahead.
 constexpr double kLookAhead = 0.8;
-// Where the cut's range along a straight profile is below this part of the element's half width,
-// the element is divided around the axis alone.
-constexpr float kAlongWall = 0.1f;
-// What was found stands for this part of the distance at which it could be different: a field's
-// gradient can exceed 1 between voxels.
-constexpr float kStands = 0.5f;
-// At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
-// less, so that it soon counts as a whole again.
-constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
 constexpr float kFlatEnd = 0.999f;  // cosine of an end's normal and the axis, at least
@@ -32,19 +21,10 @@ constexpr float kFlatEnd = 0.999f;  // cosine of an end's normal and the axis, a
 constexpr float kSameDirection = 0.995f;
 
 // How far the element's rim lies behind its tangent plane, mm.
-float sag_of(const SurfaceElements& e, int i) {
+float sag_of(const SurfaceElements& e, std::size_t i) {
   return 0.5f * (e.curvature_along[i] * e.half_along[i] * e.half_along[i] +
                  e.curvature_around[i] * e.half_around[i] * e.half_around[i]);
 }
-
-// Half the range over element i of a field with gradient g (per mm, B), along and around.
-struct HalfRanges {
-  float along, around;
-  HalfRanges(const SurfaceElements& e, int i, const Eigen::Vector3f& g)
-      : along(std::abs(g.x() * e.lx[i] + g.y() * e.ly[i] + g.z() * e.lz[i]) * e.half_along[i]),
-        around(std::abs(g.x() * e.tx[i] + g.y() * e.ty[i]) * e.half_around[i]) {}
-  float extent() const { return kSlack * (along + around); }
-};
 
 }  // namespace
 
@@ -56,8 +36,11 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {
   const std::size_t n = elements_.size();
   for (auto* array : {&left_, &advance_, &range_}) array->resize(n);
-  for (auto* array : {&worth_, &candidates_}) array->resize(n);
+  for (auto* array : {&worth_, &candidates_, &to_look_}) array->resize(n);
+  found_.assign(n, Found::kVoid);
   standing_.resize(n);
+  cells_.resize(n);
+  near_.resize(n), far_.resize(n);
   settled_.assign(n, -1);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);
@@ -69,7 +52,9 @@ void ContactModel::add_element(std::size_t i) {
   mx_.push_back(e.y[i] * e.nz[i] - e.z[i] * e.ny[i]);
   my_.push_back(e.z[i] * e.nx[i] - e.x[i] * e.nz[i]);
   mz_.push_back(e.x[i] * e.ny[i] - e.y[i] * e.nx[i]);
-  corner_.push_back(std::hypot(e.half_along[i], e.half_around[i]));
+  shapes_.push_back({e.x[i], e.y[i], e.z[i], sag_of(e, i), e.lx[i], e.ly[i], e.lz[i],
+                     e.half_along[i], e.tx[i], e.ty[i], e.half_around[i],
+                     std::hypot(e.half_along[i], e.half_around[i])});
   turn_around_.push_back(e.curvature_around[i] * e.half_around[i]);
   turn_along_.push_back(e.curvature_along[i] * e.half_along[i]);
   first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
@@ -173,7 +158,8 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
                   omega.cast<float>(),
                   static_cast<float>(v.norm()),
                   static_cast<float>(reach),
-                  omega.squaredNorm() > 0};
+                  omega.squaredNorm() > 0,
+                  cuts};
   begin(scan, pose, cuts);
   if (scan.turns)
     advance_turning(scan);
@@ -203,7 +189,7 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, std::uint64_t cuts)
     std::fill(settled_.begin(), settled_.end(), -1.0);
   if (cuts != sampled_cuts_)
     for (std::size_t i = 0; i < left_.size(); ++i)
-      if (standing_[i].found == Found::kInside) left_[i] = -1;
+      if (found_[i] == Found::kInside) left_[i] = -1;
   sampled_pose_ = pose;
   sampled_direction_ = direction;
   sampled_speed_ = speed;
@@ -251,37 +237,41 @@ void ContactModel::advance_turning(const Scan& scan) noexcept {
   }
 }
 
-// The elements to settle: those that may advance, but for what is known to lie in the void.
-int ContactModel::choose(const Scan&) noexcept {
+// The elements to settle: those that may advance, but for what is known to lie in the void. Those of
+// which what was found stands no longer are looked at first.
+int ContactModel::choose(const Scan& scan) noexcept {
   const int n = static_cast<int>(worth_.size());
-  int candidates = 0;
+  const Found* found = found_.data();
+  const float* left = left_.data();
+  std::int32_t* worth = worth_.data();
+#pragma omp simd
+  for (int i = 0; i < n; ++i)
+    worth[i] &= static_cast<std::int32_t>(found[i]) != 0 || left[i] < 0 ? 1 : 0;
+  int candidates = 0, looks = 0;
   for (int i = 0; i < n; ++i) {
     candidates_[candidates] = i;
-    candidates += worth_[i];
+    candidates += worth[i];
   }
-  int kept = 0;
   for (int c = 0; c < candidates; ++c) {
-    const int i = candidates_[c];
-    const int is_void =
-        static_cast<int>(standing_[i].found == Found::kVoid) & static_cast<int>(left_[i] >= 0);
-    candidates_[kept] = i;
-    kept += 1 - is_void;
+    to_look_[looks] = candidates_[c];
+    looks += left[candidates_[c]] < 0 ? 1 : 0;
   }
-  return kept;
+  for (int l = 0; l < looks; l += kPieces)
+    look(scan, to_look_.data() + l, std::min(kPieces, looks - l));
+  return candidates;
 }
 
 void ContactModel::settle(const Scan& scan, int i) noexcept {
-  if (left_[i] < 0) look(scan, i);
+  if (found_[i] == Found::kVoid) return;
   const Standing& s = standing_[i];
-  if (s.found == Found::kVoid) return;
   const float speed = scan.turns
                           ? scan.velocity_at(elements_.x[i], elements_.y[i], elements_.z[i]).norm()
                           : scan.speed;
   const bool none = advance_[i] + range_[i] <= kRounding * speed;
   const bool whole = advance_[i] >= range_[i];
   // What can only advance once the motion turns has no force yet.
-  if (s.only != 0 && s.inside_tooth && (none || (whole && s.found == Found::kInside)))
-    add_whole(scan, i, s.only - 1, s.found == Found::kInside ? 1 : s.share);
+  if (s.only != 0 && s.inside_tooth && (none || (whole && found_[i] == Found::kInside)))
+    add_whole(scan, i, s.only - 1, found_[i] == Found::kInside ? 1 : s.share);
   else
     divide(scan, i);
 }
@@ -301,100 +291,6 @@ void ContactModel::add_whole(const Scan& scan, int i, int tissue, float share) n
   }
   for (std::int32_t n = first_node_[i]; n < first_node_[i + 1]; ++n)
     contact_.add(nodes_[n], tissue, share);
-}
-
-// What is found of element i as a whole.
-void ContactModel::look(const Scan& scan, int i) noexcept {
-  const SurfaceElements& e = elements_;
-  const Workpiece& workpiece = scan.workpiece;
-  const IndexFrame& f = scan.frame;
-  const auto voxel = static_cast<float>(workpiece.voxel());
-  Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
-  const float speed = u.norm();
-  u = speed > 0 ? Eigen::Vector3f(u / speed) : Eigen::Vector3f(Eigen::Vector3f::Zero());
-  Standing s;
-  s.ux = u.x(), s.uy = u.y(), s.uz = u.z();
-  standing_[i] = s;
-  settled_[i] = -1;
-  const Eigen::Vector3f unit = f.turned(u.x(), u.y(), u.z()), ahead = scan.reach * unit;
-  const Eigen::Vector3f at =
-      Eigen::Vector3f(f.fx, f.fy, f.fz) + f.turned(e.x[i], e.y[i], e.z[i]) + ahead;
-  const Index3 cell = f.base + Index3(cell_of(at.x()), cell_of(at.y()), cell_of(at.z()));
-
-  left_[i] = kStands * workpiece.band();
-  const std::int64_t brick = workpiece.cut().brick_index(cell.x(), cell.y(), cell.z());
-  if (brick < 0 || workpiece.air(static_cast<std::size_t>(brick))) return;
-  const FieldSample cut = field_at(workpiece.cut(), f.base, at);
-  const float value = at_surface(cut, kTakenBack * ahead);
-  const HalfRanges ranges(e, i, f.gradient(cut));
-  const float extent = ranges.extent();
-  // A wall may bend towards the element's corners.
-  const float clear_of = extent + sag_of(e, i);
-  left_[i] = kStands * (value - clear_of);
-  if (value >= clear_of) return;
-
-  float left = look_for_tissue(scan, i, cell, at, ahead, s);
-  if (left < 0) {  // in air
-    left_[i] = -left;
-    return;
-  }
-  s.share = share_inside(value, extent);
-  s.strips = e.curvature_along[i] == 0 && ranges.along < kAlongWall * e.half_around[i];
-  s.found = Found::kCrossed;
-  left = std::min(left, kCrossedStanding * voxel);
-  // A distance changes by no more than the way: where the nearest wall is farther than a corner
-  // there is none. Else the bur's own last cut may hide one, which it doesn't farther ahead.
-  float clear = -value - corner_[i];
-  if (value <= -extent && clear < 0) {
-    const FieldSample farther = field_at(
-        workpiece.cut(), f.base, at + (static_cast<float>(look_ahead_) - scan.reach) * unit);
-    clear =
-        std::min(-extent - value, -farther.value - HalfRanges(e, i, f.gradient(farther)).extent());
-  }
-  if (s.only != 0 && s.inside_tooth && value <= -extent && clear >= 0) {
-    s.found = Found::kInside;
-    left = std::min(left / kCrossedStanding * kMostStanding, kStands * clear);
-  }
-  left_[i] = left;
-  standing_[i] = s;
-}
-
-// Whether element i lies in the tooth as a whole, and in which tissue. Returns how far that stands,
-// mm; negative where all of it lies in air.
-float ContactModel::look_for_tissue(const Scan& scan, int i, const Index3& cell,
-                                    const Eigen::Vector3f& at, const Eigen::Vector3f& ahead,
-                                    Standing& s) const noexcept {
-  const SurfaceElements& e = elements_;
-  const Workpiece& workpiece = scan.workpiece;
-  const IndexFrame& f = scan.frame;
-  float left = kMostStanding * static_cast<float>(workpiece.voxel());
-  const float sag = sag_of(e, i);
-  // A brick's flags are those of all cells that start in it or in its upper neighbours: taken a
-  // voxel beyond the element's lower corner they hold for all of it.
-  const auto margin = 1 + static_cast<int>(std::ceil(std::max(e.half_along[i], e.half_around[i]) /
-                                                     static_cast<float>(workpiece.voxel())));
-  const std::int64_t lower =
-      workpiece.cut().brick_index(cell.x() - margin, cell.y() - margin, cell.z() - margin);
-  const auto brick = static_cast<std::size_t>(lower);
-  s.only = lower < 0 ? 0 : workpiece.only_tissue(brick);
-  s.inside_tooth = lower >= 0 && workpiece.deep(brick);
-  if (!s.inside_tooth) {
-    const FieldSample solid = field_at(workpiece.tooth().solid, f.base, at);
-    const float value = at_surface(solid, ahead);
-    const float extent = HalfRanges(e, i, f.gradient(solid)).extent() + sag;
-    if (value >= extent) return -std::max(kStands * (value - extent), kLeastExtent);
-    s.inside_tooth = value <= -extent;
-    left = std::min(left, kStands * std::abs(value + extent));
-  }
-  for (int k = 0; s.only == 0 && k < tissue_index(Tissue::kOther); ++k) {
-    const FieldSample tissue = field_at(workpiece.tooth().remains[k], f.base, at);
-    const float value = at_surface(tissue, ahead);
-    const float extent = HalfRanges(e, i, f.gradient(tissue)).extent() + sag;
-    if (value > -extent) continue;
-    s.only = static_cast<std::uint8_t>(k + 1);
-    left = std::min(left, kStands * (-extent - value));
-  }
-  return left;
 }
 
 bool ContactModel::covers(const Vec3& v) const noexcept {

@@ -29,6 +29,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/step/grinding/contact_set.h"
+#include "toothprep/step/grinding/kept_cells.h"
 #include "toothprep/step/grinding/workpiece.h"
 
 namespace toothprep {
@@ -68,13 +69,12 @@ class ContactModel {
     std::vector<float> half_along, half_around;                     // mm
   };
   // What was found of an element as a whole.
-  enum class Found : std::uint8_t {
+  enum class Found : std::int32_t {
     kVoid,    // nothing in contact
     kInside,  // all of it
     kCrossed  // by a wall, a surface or a border, or possibly so
   };
   struct Standing {
-    Found found = Found::kVoid;
     bool inside_tooth = false;             // of the tooth's surface, as a whole
     bool strips = false;                   // what crosses it runs along the profile
     std::uint8_t only = 0;                 // the label of the one tissue that it lies in, or 0
@@ -86,6 +86,14 @@ class ContactModel {
   struct Scan;
   // The pieces of an element under way.
   struct Lanes;
+  // Four elements under way that are looked at as a whole.
+  struct Look;
+  // What a look needs to know of an element, four numbers at a time (mm, B).
+  struct alignas(16) Shape {
+    float x, y, z, sag;                 // how far its rim lies behind its tangent plane
+    float lx, ly, lz, half_along;       // as of SurfaceElements
+    float tx, ty, half_around, corner;  // corner: how far its corner is from its middle
+  };
 
   void add_element(std::size_t i);
   void note_edges(const Bur& bur);
@@ -97,14 +105,19 @@ class ContactModel {
   void advance_turning(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
   void settle(const Scan& scan, int i) noexcept;
-  void look(const Scan& scan, int i) noexcept;
+  void look(const Scan& scan, const std::int32_t* elements, int count) noexcept;
+  void locate(const Scan& scan, Look& look) noexcept;
+  void look_farther(const Scan& scan, Look& look) noexcept;
+  void look_for_tissue(const Scan& scan, int lane, Look& look) noexcept;
+  void note_found(const Scan& scan, int lane, const Look& look) noexcept;
   float look_for_tissue(const Scan& scan, int i, const Index3& cell, const Eigen::Vector3f& at,
                         const Eigen::Vector3f& ahead, Standing& standing) const noexcept;
   void add_whole(const Scan& scan, int i, int tissue, float share) noexcept;
   void divide(const Scan& scan, int i) noexcept;
   void feed(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void locate(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void cover(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void cover(const Scan& scan, const Pieces& pieces, int first, KeptCells& farther,
+             Lanes& lanes) const noexcept;
   void note_settled(const Scan& scan, int i, const Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void add_covered(int tissue, const Pieces& pieces, int first, const Lanes& lanes) noexcept;
@@ -115,8 +128,8 @@ class ContactModel {
   ContactSet contact_;
   // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
-  std::vector<float> beside_edge_;      // 1 at the sharp edge of a flat end, else 0
-  std::vector<float> corner_;           // and how far its corner is from its middle, mm
+  std::vector<float> beside_edge_;  // 1 at the sharp edge of a flat end, else 0
+  std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each
   // curved direction), and its pieces, 2 x 2 or four side by side, for where it isn't.
@@ -125,14 +138,19 @@ class ContactModel {
   Pieces squares_, strips_;
 
   // Of each element from sample to sample: what was found, and the way that it stands for, mm.
+  std::vector<Found> found_;
   std::vector<Standing> standing_;
   std::vector<float> left_;
   // Until where on the way each of its pieces is known to be covered as a whole or not at all, mm.
   std::vector<double> settled_;
   double way_ = 0;
+  // The cells of the cut that were read last: of each element's middle, and of its pieces at the
+  // surface and farther ahead.
+  std::vector<KeptCell> cells_;
+  std::vector<KeptCells> near_, far_;
   // Of a sample: v·n, half its range over the element, and 1 where it is worth a look.
   std::vector<float> advance_, range_;
-  std::vector<std::int32_t> worth_, candidates_;
+  std::vector<std::int32_t> worth_, candidates_, to_look_;
   double look_ahead_;  // mm
   double arm_;         // mm, longest from the tip to a point of the head
 

@@ -16,6 +16,10 @@ constexpr float kMarginSine = 0.05f;
 // Keeps a division defined where the field is flat or meets an element face on, mm.
 constexpr float kLeastExtent = 1e-6f;
 
+// What was found stands for this part of the distance at which it could be different: a field's
+// gradient can exceed 1 between voxels.
+constexpr float kStands = 0.5f;
+
 // What a sample ahead of the surface finds of the cut is taken back by this part of the reach. The
 // rest, a hundredth of a voxel, keeps a bur that rests in what it has cut itself in touch with it.
 constexpr float kTakenBack = 0.9f;
@@ -51,6 +55,10 @@ struct ContactModel::IndexFrame {
             a[6] * x + a[7] * y + a[8] * z};
   }
   // A gradient per voxel, as a gradient in B per mm.
+  FourSamples gradients(const FourSamples& s) const {
+    return {s.value, a[0] * s.gx + a[3] * s.gy + a[6] * s.gz,
+            a[1] * s.gx + a[4] * s.gy + a[7] * s.gz, a[2] * s.gx + a[5] * s.gy + a[8] * s.gz};
+  }
   Eigen::Vector3f gradient(const FieldSample& s) const {
     return {a[0] * s.gx + a[3] * s.gy + a[6] * s.gz, a[1] * s.gx + a[4] * s.gy + a[7] * s.gz,
             a[2] * s.gx + a[5] * s.gy + a[8] * s.gz};
@@ -64,6 +72,7 @@ struct ContactModel::Scan {
   float speed;               // mm/s, of v
   float reach;               // mm
   bool turns;
+  std::uint64_t cuts;  // number of the cut
 
   Eigen::Vector3f velocity_at(float x, float y, float z) const {
     return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
@@ -79,6 +88,19 @@ inline FieldSample field_at(const LevelSet& field, const Index3& base,
   return sample_cell(corners, at.x() - static_cast<float>(x), at.y() - static_cast<float>(y),
                      at.z() - static_cast<float>(z));
 }
+
+// The same of four positions, and what is left of these.
+struct FourPlaces {
+  Int4 x, y, z;
+  Float4 fx, fy, fz;
+  FourPlaces(Float4 ix, Float4 iy, Float4 iz) {
+    constexpr auto kOffset = static_cast<std::int32_t>(kIndexOffset);
+    x = truncated(ix + kIndexOffset) - kOffset;
+    y = truncated(iy + kIndexOffset) - kOffset;
+    z = truncated(iz + kIndexOffset) - kOffset;
+    fx = ix - as_float(x), fy = iy - as_float(y), fz = iz - as_float(z);
+  }
+};
 
 // A field's value at the surface from the sample that lies `ahead` (voxels) of it.
 inline float at_surface(const FieldSample& s, const Eigen::Vector3f& ahead) {

@@ -86,86 +86,27 @@ void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& 
   for (int k = 0; k < kTissueCount; ++k) share[k] = blend[k] / total;
 }
 
-// A field around four points: values, and gradients in B per mm.
-struct Fields {
-  Float4 value, gx, gy, gz;
-};
-
-// The corners of a cell as those of cell_corners(), in two halves.
-inline void read_cell(const LevelSet& field, std::size_t brick, int i, int j, int k, Float4& low,
-                      Float4& high) noexcept {
-  if ((i & 7) < 7 && (j & 7) < 7 && (k & 7) < 7) {
-    const float* v = field.brick(brick) + brick_offset(i & 7, j & 7, k & 7);
-    low = Float4{v[0], v[1], v[8], v[9]};
-    high = Float4{v[64], v[65], v[72], v[73]};
-    return;
-  }
-  float c[8];
-  cell_corners(field, i, j, k, c);
-  low = load4(c), high = load4(c + 4);
-}
-
 }  // namespace
 
 struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
   float curvature_along, curvature_around;
-  float beside_edge;  // 1 at the sharp edge of a flat end, else 0
-  Float4 ux, uy, uz;  // velocity, mm/s, B
-  Float4 advance;     // v·n, mm/s
-  Float4 ix, iy, iz;  // index of the sample, from the tip's voxel
-  Int4 cx, cy, cz;    // its cell
-  Float4 fx, fy, fz;  // its place in it
-  std::int64_t brick[kPieces];
+  float beside_edge;   // 1 at the sharp edge of a flat end, else 0
+  Float4 ux, uy, uz;   // velocity, mm/s, B
+  Float4 advance;      // v·n, mm/s
+  Float4 ix, iy, iz;   // index of the sample, from the tip's voxel
+  Float4 fx, fy, fz;   // its place in its cell
+  KeptCells* cells;    // these
   Int4 live;           // -1: may be in contact, 0: not
   Float4 share, x, y;  // as of CoveredPart
-
-  void find_cells() noexcept {
-    constexpr auto kOffset = static_cast<std::int32_t>(kIndexOffset);  // see cell_of()
-    cx = truncated(ix + kIndexOffset) - kOffset;
-    cy = truncated(iy + kIndexOffset) - kOffset;
-    cz = truncated(iz + kIndexOffset) - kOffset;
-    fx = ix - as_float(cx), fy = iy - as_float(cy), fz = iz - as_float(cz);
-  }
-  // The bricks of the cells; lanes outside of the box, or in air, don't live.
-  void find_bricks(const Workpiece& workpiece, const Index3& base) noexcept {
-    for (int p = 0; p < kPieces; ++p) {
-      if (live[p] == 0) continue;
-      brick[p] = workpiece.cut().brick_index(base.x() + cx[p], base.y() + cy[p], base.z() + cz[p]);
-      if (brick[p] < 0 || workpiece.air(static_cast<std::size_t>(brick[p]))) live[p] = 0;
-    }
-  }
-  // As sample_cell(), four at a time.
-  Fields sample(const LevelSet& field, const IndexFrame& f) const noexcept {
-    Float4 c0{}, c1{}, c2{}, c3{}, c4{}, c5{}, c6{}, c7{};
-    const auto read = [&](int p, Float4& low, Float4& high) {
-      if (live[p])
-        read_cell(field, static_cast<std::size_t>(brick[p]), f.base.x() + cx[p], f.base.y() + cy[p],
-                  f.base.z() + cz[p], low, high);
-    };
-    read(0, c0, c4), read(1, c1, c5), read(2, c2, c6), read(3, c3, c7);
-    transpose(c0, c1, c2, c3);
-    transpose(c4, c5, c6, c7);
-    const Float4 z00 = c0 + fz * (c1 - c0), z01 = c2 + fz * (c3 - c2);
-    const Float4 z10 = c4 + fz * (c5 - c4), z11 = c6 + fz * (c7 - c6);
-    const Float4 y0 = z00 + fy * (z01 - z00), y1 = z10 + fy * (z11 - z10);
-    const Float4 d0 = c1 - c0 + fy * (c3 - c2 - c1 + c0);
-    const Float4 d1 = c5 - c4 + fy * (c7 - c6 - c5 + c4);
-    const Float4 gx = y1 - y0, gy = (z01 - z00) + fx * (z11 - z10 - z01 + z00),
-                 gz = d0 + fx * (d1 - d0);
-    const float* a = f.a;
-    return {y0 + fx * (y1 - y0), a[0] * gx + a[3] * gy + a[6] * gz,
-            a[1] * gx + a[4] * gy + a[7] * gz, a[2] * gx + a[5] * gy + a[8] * gz};
-  }
 };
 
 // Element i piece by piece.
 void ContactModel::divide(const Scan& scan, int i) noexcept {
   const SurfaceElements& e = elements_;
   const Standing& standing = standing_[i];
-  const bool strips =
-      e.curvature_along[i] == 0 && (standing.strips || standing.found == Found::kInside);
+  const bool strips = e.curvature_along[i] == 0 && (standing.strips || found_[i] == Found::kInside);
   const Pieces& pieces = strips ? strips_ : squares_;
   const int first = i * kPieces;
   Lanes lanes;
@@ -179,16 +120,16 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   lanes.ahead = scan.reach * lanes.unit;
   feed(scan, pieces, first, lanes);
   const Int4 felt = lanes.live;
-  if (!(felt[0] | felt[1] | felt[2] | felt[3])) return;
+  if (!any(felt)) return;
   const bool simple = standing.inside_tooth && standing.only != 0;
-  if (simple && standing.found == Found::kInside) {
+  if (simple && found_[i] == Found::kInside) {
     lanes.share = all4(1);
   } else if (simple && way_ < settled_[i]) {
     lanes.share = load4(standing.covered.data());
   } else {
-    lanes.live = Int4{-1, -1, -1, -1};
+    lanes.cells = &near_[i];
     locate(scan, pieces, first, lanes);
-    if (standing.found != Found::kInside) cover(scan, pieces, first, lanes);
+    if (found_[i] != Found::kInside) cover(scan, pieces, first, far_[i], lanes);
     note_settled(scan, i, lanes);
   }
   lanes.share = felt ? lanes.share : Float4{};
@@ -204,7 +145,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
 void ContactModel::note_settled(const Scan& scan, int i, const Lanes& s) noexcept {
   const Int4 clear = (s.share > 1 - kLeastShare) | (s.share < kLeastShare) | (s.advance <= 0);
   settled_[i] = -1;
-  if (!(clear[0] & clear[1] & clear[2] & clear[3])) return;
+  if (!all(clear)) return;
   for (int p = 0; p < kPieces; ++p) standing_[i].covered[p] = s.share[p];
   settled_[i] = way_ + kSettledVoxels * scan.workpiece.voxel();
 }
@@ -239,13 +180,16 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
   s.ix = (f.fx + s.ahead.x()) + (a[0] * x + a[1] * y + a[2] * z);
   s.iy = (f.fy + s.ahead.y()) + (a[3] * x + a[4] * y + a[5] * z);
   s.iz = (f.fz + s.ahead.z()) + (a[6] * x + a[7] * y + a[8] * z);
-  s.find_cells();
-  s.find_bricks(scan.workpiece, f.base);
+  const FourPlaces at(s.ix, s.iy, s.iz);
+  s.fx = at.fx, s.fy = at.fy, s.fz = at.fz;
+  s.cells->read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
+                Int4{-1, -1, -1, -1}, scan.cuts);
+  s.live = s.cells->live;
   s.share = s.live ? all4(1) : Float4{};
 }
 
 // The part of each piece that is covered by what remains under the cut.
-void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
+void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, KeptCells& farther,
                          Lanes& s) const noexcept {
   const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
                lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
@@ -254,11 +198,11 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   const float ka = s.curvature_along, kt = s.curvature_around;
   const auto voxel = static_cast<float>(scan.workpiece.voxel());
   const float wall = kWall * voxel * voxel * (ka + kt);
-  const LevelSet& cut = scan.workpiece.cut();
 
   // As it is at the surface: a wall that was ground before counts no earlier than it is reached.
   const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
-  const Fields here = s.sample(cut, scan.frame);
+  const IndexFrame& f = scan.frame;
+  const FourSamples here = f.gradients(s.cells->cells.at(s.fx, s.fy, s.fz));
   const Float4 surface =
       here.value + wall -
       (kTakenBack * scan.reach * per_speed) * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
@@ -268,17 +212,14 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first,
   s.share = s.live ? near.share : Float4{};
   s.x = near.x, s.y = near.y;
   s.live = s.share > kLeastShare;
-  if ((s.live[0] | s.live[1] | s.live[2] | s.live[3]) == 0) return;
+  if (!any(s.live)) return;
 
   // The same farther ahead; the cells of the samples at the surface stay.
   const float look_ahead = static_cast<float>(look_ahead_), look = look_ahead - scan.reach;
-  Lanes farther;  // only what samples need
-  farther.live = s.live;
-  farther.ix = s.ix + look * s.unit.x(), farther.iy = s.iy + look * s.unit.y();
-  farther.iz = s.iz + look * s.unit.z();
-  farther.find_cells();
-  farther.find_bricks(scan.workpiece, scan.frame.base);
-  const Fields there = farther.sample(cut, scan.frame);
+  const FourPlaces at(s.ix + look * s.unit.x(), s.iy + look * s.unit.y(), s.iz + look * s.unit.z());
+  farther.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), s.live,
+               scan.cuts);
+  const FourSamples there = f.gradients(farther.cells.at(at.fx, at.fy, at.fz));
   const Float4 value = farther.live ? there.value + wall : all4(-1e3f);
   const Float4 back =
       value - (look_ahead * per_speed) * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
@@ -362,11 +303,11 @@ void ContactModel::add_covered(const Scan& scan, const Standing& standing, const
     float share = s.share[p], to_along = s.x[p], to_around = s.y[p];
     if (!(share > kLeastShare)) continue;
     const int q = first + p;
-    const auto b = static_cast<std::size_t>(s.brick[p]);
+    const auto b = static_cast<std::size_t>(s.cells->brick[p]);
     const bool inside = standing.inside_tooth || workpiece.deep(b);
     const std::uint8_t only = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
     HalfAxes axes;
-    const Index3 cell = f.base + Index3(s.cx[p], s.cy[p], s.cz[p]);
+    const Index3 cell(s.cells->x[p], s.cells->y[p], s.cells->z[p]);
     const Eigen::Vector3f in_cell(s.fx[p], s.fy[p], s.fz[p]);
     if (!inside || only == 0) {
       axes.along = along * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]);

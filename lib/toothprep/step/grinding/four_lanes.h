@@ -62,6 +62,22 @@ template <>
 }
 #endif
 
+// Of lanes that are -1 or 0 each: whether any, or all, are -1.
+[[nodiscard]] inline bool any(Int4 a) noexcept {
+#if defined(__SSE2__)
+  return _mm_movemask_ps(reinterpret_cast<__m128>(a)) != 0;
+#else
+  return (a[0] | a[1] | a[2] | a[3]) != 0;
+#endif
+}
+[[nodiscard]] inline bool all(Int4 a) noexcept {
+#if defined(__SSE2__)
+  return _mm_movemask_ps(reinterpret_cast<__m128>(a)) == 15;
+#else
+  return (a[0] & a[1] & a[2] & a[3]) != 0;
+#endif
+}
+
 // Rows to columns.
 inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {
 #if defined(__clang__)

@@ -1,0 +1,223 @@
+// What is found of elements as a whole: four at a time, since many are looked at where a cut was put
+// in place, and those beside a wall at nearly every step.
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/contact_frame.h"
+
+namespace toothprep {
+namespace {
+
+// A field's range over an element is taken this much larger before it counts as engaged as a whole.
+constexpr float kSlack = 1.1f;
+// Where the cut's range along a straight profile is below this part of the element's half width,
+// the element is divided around the axis alone.
+constexpr float kAlongWall = 0.1f;
+// At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
+// less, so that it soon counts as a whole again.
+constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
+
+// Half the range over element i of a field with gradient g (per mm, B), along and around.
+struct HalfRanges {
+  float along, around;
+  HalfRanges(const SurfaceElements& e, int i, const Eigen::Vector3f& g)
+      : along(std::abs(g.x() * e.lx[i] + g.y() * e.ly[i] + g.z() * e.lz[i]) * e.half_along[i]),
+        around(std::abs(g.x() * e.tx[i] + g.y() * e.ty[i]) * e.half_around[i]) {}
+  float extent() const { return kSlack * (along + around); }
+};
+
+}  // namespace
+
+struct ContactModel::Look {
+  const std::int32_t* elements;
+  int count;
+  Eigen::Vector3f u[kPieces], unit[kPieces], ahead[kPieces];  // of the motion: unit, B; voxels per mm;
+                                                              // voxels
+  Float4 unit_x, unit_y, unit_z;                              // as unit[]
+  Float4 lx, ly, lz, tx, ty, half_along, half_around, corner, sag;  // as of Shape
+  Float4 at_x, at_y, at_z;                                    // of the samples, from the tip's voxel
+  Int4 x, y, z;                                               // their cells
+  Int4 live;                                                  // within the box, and not in air
+  Float4 value, extent, along, around;  // of the cut at the surface, and its half ranges, mm
+  Int4 remains;                         // -1: not all of it is void
+  Float4 clear;                         // mm: the next wall is at least so far away
+  float left[kPieces];                  // as left_
+
+  // Half the ranges over the elements of a field with gradient g (per mm, B).
+  Float4 range_along(const FourSamples& g) const {
+    return magnitude(g.gx * lx + g.gy * ly + g.gz * lz) * half_along;
+  }
+  Float4 range_around(const FourSamples& g) const {
+    return magnitude(g.gx * tx + g.gy * ty) * half_around;
+  }
+};
+
+// What is found of up to four elements as a whole.
+void ContactModel::look(const Scan& scan, const std::int32_t* elements, int count) noexcept {
+  const Workpiece& workpiece = scan.workpiece;
+  Look s;
+  s.elements = elements, s.count = count;
+  locate(scan, s);
+  const Float4 clear_of = s.extent + s.sag;  // a wall may bend towards the element's corners
+  const Float4 left = kStands * (s.value - clear_of);
+  s.remains = s.live & (s.value < clear_of);
+  for (int p = 0; p < count; ++p) {
+    const std::int32_t i = elements[p];
+    settled_[i] = -1;
+    found_[i] = Found::kVoid;
+    left_[i] = s.live[p] ? left[p] : kStands * workpiece.band();
+    Standing& standing = standing_[i];
+    standing = Standing();
+    standing.ux = s.u[p].x(), standing.uy = s.u[p].y(), standing.uz = s.u[p].z();
+  }
+  if (!any(s.remains)) return;
+  for (int p = 0; p < count; ++p)
+    if (s.remains[p]) look_for_tissue(scan, p, s);
+  // A distance changes by no more than the way: where the nearest wall is farther than a corner
+  // there is none. Else the bur's own last cut may hide one, which it doesn't farther ahead.
+  s.clear = -s.value - s.corner;
+  look_farther(scan, s);
+  for (int p = 0; p < count; ++p)
+    if (s.remains[p]) note_found(scan, p, s);
+}
+
+// Where the elements are, and the cut there.
+void ContactModel::locate(const Scan& scan, Look& s) noexcept {
+  const IndexFrame& f = scan.frame;
+  const float* a = f.a;
+  const auto row = [&](int p) { return &shapes_[s.elements[std::min(p, s.count - 1)]].x; };
+  Float4 x = load4(row(0)), y = load4(row(1)), z = load4(row(2));
+  s.sag = load4(row(3));
+  transpose(x, y, z, s.sag);
+  s.lx = load4(row(0) + 4), s.ly = load4(row(1) + 4), s.lz = load4(row(2) + 4);
+  s.half_along = load4(row(3) + 4);
+  transpose(s.lx, s.ly, s.lz, s.half_along);
+  s.tx = load4(row(0) + 8), s.ty = load4(row(1) + 8), s.half_around = load4(row(2) + 8);
+  s.corner = load4(row(3) + 8);
+  transpose(s.tx, s.ty, s.half_around, s.corner);
+
+  Float4 ahead_x, ahead_y, ahead_z;
+  for (int p = 0; p < kPieces; ++p) {
+    if (p == 0 || scan.turns) {
+      Eigen::Vector3f u = scan.velocity_at(x[p], y[p], z[p]);
+      const float speed = u.norm();
+      u = speed > 0 ? Eigen::Vector3f(u / speed) : Eigen::Vector3f(Eigen::Vector3f::Zero());
+      s.u[p] = u;
+      s.unit[p] = f.turned(u.x(), u.y(), u.z());
+      s.ahead[p] = scan.reach * s.unit[p];
+    } else {
+      s.u[p] = s.u[0], s.unit[p] = s.unit[0], s.ahead[p] = s.ahead[0];
+    }
+    s.unit_x[p] = s.unit[p].x(), s.unit_y[p] = s.unit[p].y(), s.unit_z[p] = s.unit[p].z();
+    ahead_x[p] = s.ahead[p].x(), ahead_y[p] = s.ahead[p].y(), ahead_z[p] = s.ahead[p].z();
+  }
+  s.at_x = f.fx + (a[0] * x + a[1] * y + a[2] * z) + ahead_x;
+  s.at_y = f.fy + (a[3] * x + a[4] * y + a[5] * z) + ahead_y;
+  s.at_z = f.fz + (a[6] * x + a[7] * y + a[8] * z) + ahead_z;
+  const FourPlaces at(s.at_x, s.at_y, s.at_z);
+  s.x = at.x + f.base.x(), s.y = at.y + f.base.y(), s.z = at.z + f.base.z();
+  const float* corners[kPieces];
+  for (int p = 0; p < kPieces; ++p) {
+    KeptCell& cell = cells_[s.elements[std::min(p, s.count - 1)]];
+    cell.read(scan.workpiece, Int4{s.x[p], s.y[p], s.z[p], 0}, scan.cuts);
+    s.live[p] = cell.brick >= 0 ? -1 : 0;
+    corners[p] = cell.corners;
+  }
+  FourCells cells;
+  cells.set(load4(corners[0]), load4(corners[1]), load4(corners[2]), load4(corners[3]),
+            load4(corners[0] + 4), load4(corners[1] + 4), load4(corners[2] + 4),
+            load4(corners[3] + 4));
+  const FourSamples cut = cells.at(at.fx, at.fy, at.fz);
+  s.value = cut.value - cut.gx * (kTakenBack * ahead_x) - cut.gy * (kTakenBack * ahead_y) -
+            cut.gz * (kTakenBack * ahead_z);
+  const FourSamples in_bur = f.gradients(cut);
+  s.along = s.range_along(in_bur), s.around = s.range_around(in_bur);
+  s.extent = kSlack * (s.along + s.around);
+}
+
+// The tissue of one of them.
+void ContactModel::look_for_tissue(const Scan& scan, int p, Look& s) noexcept {
+  const int i = s.elements[p];
+  Standing& standing = standing_[i];
+  const float left =
+      look_for_tissue(scan, i, Index3(s.x[p], s.y[p], s.z[p]),
+                      Eigen::Vector3f(s.at_x[p], s.at_y[p], s.at_z[p]), s.ahead[p], standing);
+  s.left[p] = left;
+  if (left >= 0) return;  // else in air
+  left_[i] = -left;
+  s.remains[p] = 0;
+}
+
+// The next wall of those in which the bur's own last cut may hide one.
+void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
+  const Int4 hidden = s.remains & (s.value <= -s.extent) & (s.clear < 0);
+  if (!any(hidden)) return;
+  const IndexFrame& f = scan.frame;
+  const float farther = static_cast<float>(look_ahead_) - scan.reach;
+  const FourPlaces at(s.at_x + farther * s.unit_x, s.at_y + farther * s.unit_y,
+                      s.at_z + farther * s.unit_z);
+  FourCells cells;
+  cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), hidden);
+  const FourSamples cut = f.gradients(cells.at(at.fx, at.fy, at.fz));
+  const Float4 clear = least(-s.extent - s.value,
+                             -cut.value - kSlack * (s.range_along(cut) + s.range_around(cut)));
+  s.clear = hidden ? clear : s.clear;
+}
+
+void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
+  const int i = s.elements[p];
+  const auto voxel = static_cast<float>(scan.workpiece.voxel());
+  const float value = s.value[p], extent = s.extent[p], clear = s.clear[p];
+  Standing& standing = standing_[i];
+  standing.share = share_inside(value, extent);
+  standing.strips =
+      elements_.curvature_along[i] == 0 && s.along[p] < kAlongWall * elements_.half_around[i];
+  found_[i] = Found::kCrossed;
+  float left = std::min(s.left[p], kCrossedStanding * voxel);
+  if (standing.only != 0 && standing.inside_tooth && value <= -extent && clear >= 0) {
+    found_[i] = Found::kInside;
+    left = std::min(left / kCrossedStanding * kMostStanding, kStands * clear);
+  }
+  left_[i] = left;
+}
+
+// Whether element i lies in the tooth as a whole, and in which tissue. Returns how far that stands,
+// mm; negative where all of it lies in air.
+float ContactModel::look_for_tissue(const Scan& scan, int i, const Index3& cell,
+                                    const Eigen::Vector3f& at, const Eigen::Vector3f& ahead,
+                                    Standing& s) const noexcept {
+  const SurfaceElements& e = elements_;
+  const Workpiece& workpiece = scan.workpiece;
+  const IndexFrame& f = scan.frame;
+  float left = kMostStanding * static_cast<float>(workpiece.voxel());
+  const float sag = shapes_[i].sag;
+  // A brick's flags are those of all cells that start in it or in its upper neighbours: taken a
+  // voxel beyond the element's lower corner they hold for all of it.
+  const auto margin = 1 + static_cast<int>(std::ceil(std::max(e.half_along[i], e.half_around[i]) /
+                                                     static_cast<float>(workpiece.voxel())));
+  const std::int64_t lower =
+      workpiece.cut().brick_index(cell.x() - margin, cell.y() - margin, cell.z() - margin);
+  const auto brick = static_cast<std::size_t>(lower);
+  s.only = lower < 0 ? 0 : workpiece.only_tissue(brick);
+  s.inside_tooth = lower >= 0 && workpiece.deep(brick);
+  if (!s.inside_tooth) {
+    const FieldSample solid = field_at(workpiece.tooth().solid, f.base, at);
+    const float value = at_surface(solid, ahead);
+    const float extent = HalfRanges(e, i, f.gradient(solid)).extent() + sag;
+    if (value >= extent) return -std::max(kStands * (value - extent), kLeastExtent);
+    s.inside_tooth = value <= -extent;
+    left = std::min(left, kStands * std::abs(value + extent));
+  }
+  for (int k = 0; s.only == 0 && k < tissue_index(Tissue::kOther); ++k) {
+    const FieldSample tissue = field_at(workpiece.tooth().remains[k], f.base, at);
+    const float value = at_surface(tissue, ahead);
+    const float extent = HalfRanges(e, i, f.gradient(tissue)).extent() + sag;
+    if (value > -extent) continue;
+    s.only = static_cast<std::uint8_t>(k + 1);
+    left = std::min(left, kStands * (-extent - value));
+  }
+  return left;
+}
+
+}  // namespace toothprep
