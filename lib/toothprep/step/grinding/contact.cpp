@@ -152,14 +152,15 @@ void ContactModel::add_piece(std::size_t i, double around, double along, int acr
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
                           const Vec3& omega, double reach, std::uint64_t cuts) noexcept {
   const IndexFrame f(workpiece.lattice(), pose);
-  const Scan scan{workpiece,
-                  f,
-                  v.cast<float>(),
-                  omega.cast<float>(),
-                  static_cast<float>(v.norm()),
-                  static_cast<float>(reach),
-                  omega.squaredNorm() > 0,
-                  cuts};
+  Scan scan{workpiece,
+            f,
+            v.cast<float>(),
+            omega.cast<float>(),
+            static_cast<float>(v.norm()),
+            static_cast<float>(reach),
+            omega.squaredNorm() > 0,
+            cuts};
+  scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, cuts);
   if (scan.turns)
     advance_turning(scan);
@@ -167,7 +168,8 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
     advance_straight(scan);
   const int candidates = choose(scan);
   contact_.clear();
-  for (int c = 0; c < candidates; ++c) settle(scan, candidates_[c]);
+  const int others = add_advancing(scan, candidates);
+  for (int c = 0; c < others; ++c) settle(scan, candidates_[c]);
 }
 
 // Takes the way since the last sample off what was found there.
@@ -259,6 +261,32 @@ int ContactModel::choose(const Scan& scan) noexcept {
   for (int l = 0; l < looks; l += kPieces)
     look(scan, to_look_.data() + l, std::min(kPieces, looks - l));
   return candidates;
+}
+
+// Of the candidates, adds those that are engaged as a whole and advance with every velocity that
+// covers() allows; the others are left. Where the handle turns add_whole() tells.
+int ContactModel::add_advancing(const Scan& scan, int candidates) noexcept {
+  if (scan.turns || !contact_.is_linear()) return candidates;
+  const float margin = kMarginSine * scan.speed;
+  std::int32_t* const run = to_look_.data();  // of one tissue
+  int others = 0, count = 0;
+  std::uint8_t only = 0;
+  const auto add_run = [&] {
+    if (count > 0) contact_.add_advancing(sums_.data(), run, count, only - 1);
+    count = 0;
+  };
+  for (int c = 0; c < candidates; ++c) {
+    const std::int32_t i = candidates_[c];
+    if (found_[i] != Found::kInside || !(advance_[i] - range_[i] - margin > 0)) {
+      candidates_[others++] = i;
+      continue;
+    }
+    if (standing_[i].only != only) add_run();
+    only = standing_[i].only;
+    run[count++] = i;
+  }
+  add_run();
+  return others;
 }
 
 void ContactModel::settle(const Scan& scan, int i) noexcept {

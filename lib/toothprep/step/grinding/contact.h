@@ -104,6 +104,7 @@ class ContactModel {
   void advance_straight(const Scan& scan) noexcept;
   void advance_turning(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
+  int add_advancing(const Scan& scan, int candidates) noexcept;
   void settle(const Scan& scan, int i) noexcept;
   void look(const Scan& scan, const std::int32_t* elements, int count) noexcept;
   void locate(const Scan& scan, Look& look) noexcept;
@@ -120,7 +121,12 @@ class ContactModel {
              Lanes& lanes) const noexcept;
   void note_settled(const Scan& scan, int i, const Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void add_covered(int tissue, const Pieces& pieces, int first, const Lanes& lanes) noexcept;
+  void cover_tooth(const Scan& scan, const Pieces& pieces, int first, const Int4& at_surface,
+                   Lanes& lanes) const noexcept;
+  ContactSet::FourElements middles(const Pieces& pieces, int first,
+                                   const Lanes& lanes) const noexcept;
+  PerTissue<float> shares_of(const Scan& scan, const Pieces& pieces, int first, int piece,
+                             const Lanes& lanes) const noexcept;
   void add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces, int first,
                    Lanes& lanes) noexcept;
 

@@ -72,8 +72,13 @@ struct ContactModel::Scan {
   float speed;               // mm/s, of v
   float reach;               // mm
   bool turns;
-  std::uint64_t cuts;  // number of the cut
+  std::uint64_t cuts;                              // number of the cut
+  Eigen::Vector3f unit = Eigen::Vector3f::Zero();  // of v, voxels per mm
 
+  Eigen::Vector3f unit_of(const Eigen::Vector3f& u, float of_speed) const {
+    const float per_speed = of_speed > 0 ? 1 / of_speed : 0;
+    return frame.turned(u.x() * per_speed, u.y() * per_speed, u.z() * per_speed);
+  }
   Eigen::Vector3f velocity_at(float x, float y, float z) const {
     return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
   }

@@ -32,13 +32,14 @@ struct HalfRanges {
 struct ContactModel::Look {
   const std::int32_t* elements;
   int count;
-  Eigen::Vector3f u[kPieces], unit[kPieces], ahead[kPieces];  // of the motion: unit, B; voxels per mm;
-                                                              // voxels
-  Float4 unit_x, unit_y, unit_z;                              // as unit[]
+  Eigen::Vector3f u[kPieces], unit[kPieces],
+      ahead[kPieces];             // of the motion: unit, B; voxels per mm;
+                                  // voxels
+  Float4 unit_x, unit_y, unit_z;  // as unit[]
   Float4 lx, ly, lz, tx, ty, half_along, half_around, corner, sag;  // as of Shape
-  Float4 at_x, at_y, at_z;                                    // of the samples, from the tip's voxel
-  Int4 x, y, z;                                               // their cells
-  Int4 live;                                                  // within the box, and not in air
+  Float4 at_x, at_y, at_z;              // of the samples, from the tip's voxel
+  Int4 x, y, z;                         // their cells
+  Int4 live;                            // within the box, and not in air
   Float4 value, extent, along, around;  // of the cut at the surface, and its half ranges, mm
   Int4 remains;                         // -1: not all of it is void
   Float4 clear;                         // mm: the next wall is at least so far away
@@ -160,8 +161,8 @@ void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), hidden);
   const FourSamples cut = f.gradients(cells.at(at.fx, at.fy, at.fz));
-  const Float4 clear = least(-s.extent - s.value,
-                             -cut.value - kSlack * (s.range_along(cut) + s.range_around(cut)));
+  const Float4 clear =
+      least(-s.extent - s.value, -cut.value - kSlack * (s.range_along(cut) + s.range_around(cut)));
   s.clear = hidden ? clear : s.clear;
 }
 

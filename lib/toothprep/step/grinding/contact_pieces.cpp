@@ -115,8 +115,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   lanes.beside_edge = beside_edge_[i];
   const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
   lanes.speed = scan.turns ? u.norm() : scan.speed;
-  const float per_speed = lanes.speed > 0 ? 1 / lanes.speed : 0;
-  lanes.unit = scan.frame.turned(u.x() * per_speed, u.y() * per_speed, u.z() * per_speed);
+  lanes.unit = scan.turns ? scan.unit_of(u, lanes.speed) : scan.unit;
   lanes.ahead = scan.reach * lanes.unit;
   feed(scan, pieces, first, lanes);
   const Int4 felt = lanes.live;
@@ -135,7 +134,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
   if (simple)
-    add_covered(standing.only - 1, pieces, first, lanes);
+    contact_.add_four(middles(pieces, first, lanes), standing.only - 1, lanes.share, kLeastShare);
   else
     add_covered(scan, standing, pieces, first, lanes);
 }
@@ -265,16 +264,15 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
   s.share = partly ? s.share * part.share : s.share;
 }
 
-// Puts what is covered into the contact, where all of it lies in one tissue.
-void ContactModel::add_covered(int tissue, const Pieces& pieces, int first,
-                               const Lanes& s) noexcept {
+// The middle of what is covered of each piece, to first order.
+ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
+                                               const Lanes& s) const noexcept {
   const Float4 nx = load4(&pieces.nx[first]), ny = load4(&pieces.ny[first]),
                nz = load4(&pieces.nz[first]), tx = load4(&pieces.tx[first]),
                ty = load4(&pieces.ty[first]), lx = load4(&pieces.lx[first]),
                ly = load4(&pieces.ly[first]), lz = load4(&pieces.lz[first]);
   const Float4 px = load4(&pieces.x[first]), py = load4(&pieces.y[first]),
                pz = load4(&pieces.z[first]), radius = load4(&pieces.arm[first]);
-  // The middle of what is covered, to first order.
   const Float4 da = pieces.half_along[first] * s.x, dt = pieces.half_around[first] * s.y;
   const Float4 turn_l = s.curvature_along * da, turn_t = s.curvature_around * dt;
   const Float4 round = dt / radius / radius, lr = (lx * px + ly * py) / radius;
@@ -290,68 +288,87 @@ void ContactModel::add_covered(int tissue, const Pieces& pieces, int first,
   e.mz = x * e.ny - y * e.nx;
   e.weight = load4(&pieces.weight[first]);
   e.arm = radius + da * lr;
-  contact_.add_four(e, tissue, s.share, kLeastShare);
+  return e;
+}
+
+// What is covered of the pieces `at_surface` lies in the tooth in part.
+void ContactModel::cover_tooth(const Scan& scan, const Pieces& pieces, int first,
+                               const Int4& at_surface, Lanes& s) const noexcept {
+  FourCells cells;
+  cells.read(scan.workpiece.tooth().solid, s.cells->x, s.cells->y, s.cells->z, at_surface);
+  const FourSamples solid = cells.at(s.fx, s.fy, s.fz);
+  const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
+               lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
+               ty = load4(&pieces.ty[first]);
+  const float along = pieces.half_along[first], around = pieces.half_around[first];
+  const float* a = scan.frame.a;
+  const auto range = [&](float half, Float4 x, Float4 y, Float4 z) -> Float4 {
+    return solid.gx * (half * (a[0] * x + a[1] * y + a[2] * z)) +
+           solid.gy * (half * (a[3] * x + a[4] * y + a[5] * z)) +
+           solid.gz * (half * (a[6] * x + a[7] * y + a[8] * z));
+  };
+  const Float4 value =
+      solid.value - solid.gx * s.ahead.x() - solid.gy * s.ahead.y() - solid.gz * s.ahead.z();
+  const CoveredPart<Float4> part =
+      covered_part<Float4>(value, range(along, lx, ly, lz), range(around, tx, ty, Float4{}));
+  const Int4 less = at_surface & (part.share < s.share);
+  s.x = less ? part.x : s.x;
+  s.y = less ? part.y : s.y;
+  s.share = at_surface ? s.share * part.share : s.share;
 }
 
 // Puts what is covered into the contact, tissue by tissue.
 void ContactModel::add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces,
                                int first, Lanes& s) noexcept {
   const Workpiece& workpiece = scan.workpiece;
-  const IndexFrame& f = scan.frame;
-  const float along = pieces.half_along[first], around = pieces.half_around[first];
+  Int4 at_surface{}, only{};
   for (int p = 0; p < kPieces; ++p) {
-    float share = s.share[p], to_along = s.x[p], to_around = s.y[p];
-    if (!(share > kLeastShare)) continue;
-    const int q = first + p;
+    if (!(s.share[p] > kLeastShare)) continue;
     const auto b = static_cast<std::size_t>(s.cells->brick[p]);
-    const bool inside = standing.inside_tooth || workpiece.deep(b);
-    const std::uint8_t only = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
-    HalfAxes axes;
-    const Index3 cell(s.cells->x[p], s.cells->y[p], s.cells->z[p]);
-    const Eigen::Vector3f in_cell(s.fx[p], s.fy[p], s.fz[p]);
-    if (!inside || only == 0) {
-      axes.along = along * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]);
-      axes.around = around * f.turned(pieces.tx[q], pieces.ty[q], 0);
-    }
-    if (!inside) {
-      float corners[8];
-      cell_corners(workpiece.tooth().solid, cell.x(), cell.y(), cell.z(), corners);
-      const FieldSample solid = sample_cell(corners, in_cell.x(), in_cell.y(), in_cell.z());
-      const CoveredPart<float> part = covered_part(
-          at_surface(solid, s.ahead), axes.range_along(solid), axes.range_around(solid));
-      if (part.share < share) to_along = part.x, to_around = part.y;
-      share *= part.share;
-      if (!(share > kLeastShare)) continue;
-    }
-    // The middle of what is covered, to first order.
-    const float da = along * to_along, dt = around * to_around;
-    const float turn_l = s.curvature_along * da, turn_t = s.curvature_around * dt;
-    const float radius = pieces.arm[q], round = dt / radius / radius;
-    const float lr = (pieces.lx[q] * pieces.x[q] + pieces.ly[q] * pieces.y[q]) / radius;
-    ContactSet::Element e;
-    e.nx = pieces.nx[q] + turn_l * pieces.lx[q] + turn_t * pieces.tx[q];
-    e.ny = pieces.ny[q] + turn_l * pieces.ly[q] + turn_t * pieces.ty[q];
-    e.nz = pieces.nz[q] + turn_l * pieces.lz[q];
-    e.tx = pieces.tx[q] - round * pieces.x[q];
-    e.ty = pieces.ty[q] - round * pieces.y[q];
-    const float x = pieces.x[q] + da * pieces.lx[q] + dt * pieces.tx[q];
-    const float y = pieces.y[q] + da * pieces.ly[q] + dt * pieces.ty[q];
-    const float z = pieces.z[q] + da * pieces.lz[q];
-    e.mx = y * e.nz - z * e.ny;
-    e.my = z * e.nx - x * e.nz;
-    e.mz = x * e.ny - y * e.nx;
-    e.weight = pieces.weight[q];
-    e.arm = radius + da * lr;
-    e.area = e.weight * e.arm;
-    if (only != 0) {
-      contact_.add(e, only - 1, share);
-      continue;
-    }
-    PerTissue<float> shares{};
-    tissue_shares(workpiece, b, cell, in_cell, s.ahead, axes, shares);
-    for (float& k : shares) k *= share;
-    contact_.add(e, shares);
+    at_surface[p] = standing.inside_tooth || workpiece.deep(b) ? 0 : -1;
+    only[p] = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
   }
+  if (any(at_surface)) cover_tooth(scan, pieces, first, at_surface, s);
+  const ContactSet::FourElements e = middles(pieces, first, s);
+  const Int4 counts = s.share > kLeastShare;
+  const std::int32_t one = std::max(std::max(only[0], only[1]), std::max(only[2], only[3]));
+  if (one != 0 && !any(counts & (only != one))) {
+    contact_.add_four(e, one - 1, s.share, kLeastShare);
+    return;
+  }
+  for (int p = 0; p < kPieces; ++p) {
+    if (!counts[p]) continue;
+    const ContactSet::Element lane{e.nx[p],
+                                   e.ny[p],
+                                   e.nz[p],
+                                   e.mx[p],
+                                   e.my[p],
+                                   e.mz[p],
+                                   e.tx[p],
+                                   e.ty[p],
+                                   e.weight[p],
+                                   e.arm[p],
+                                   e.weight[p] * e.arm[p]};
+    if (only[p] != 0)
+      contact_.add(lane, only[p] - 1, s.share[p]);
+    else
+      contact_.add(lane, shares_of(scan, pieces, first, p, s));
+  }
+}
+
+// How what is covered of a piece is shared among the tissues.
+PerTissue<float> ContactModel::shares_of(const Scan& scan, const Pieces& pieces, int first, int p,
+                                         const Lanes& s) const noexcept {
+  const IndexFrame& f = scan.frame;
+  const int q = first + p;
+  const HalfAxes axes{pieces.half_along[first] * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]),
+                      pieces.half_around[first] * f.turned(pieces.tx[q], pieces.ty[q], 0)};
+  PerTissue<float> shares{};
+  tissue_shares(scan.workpiece, static_cast<std::size_t>(s.cells->brick[p]),
+                Index3(s.cells->x[p], s.cells->y[p], s.cells->z[p]),
+                Eigen::Vector3f(s.fx[p], s.fy[p], s.fz[p]), s.ahead, axes, shares);
+  for (float& k : shares) k *= s.share[p];
+  return shares;
 }
 
 }  // namespace toothprep

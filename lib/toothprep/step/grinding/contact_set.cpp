@@ -57,6 +57,18 @@ void ContactSet::add_advancing(const Sums& sums, int elements, int tissue, bool 
   for (std::size_t i = 0; i < to.turn.size(); ++i) to.turn[i] += sums.turn[i];
 }
 
+void ContactSet::add_advancing(const Sums* sums, const std::int32_t* places, int count,
+                               int tissue) noexcept {
+  advancing_ += count;
+  float* const to = sums_[tissue].feed.data();
+  Float4 a = load4(to), b = load4(to + 4), c = load4(to + 8), d = load4(to + 12);
+  for (int k = 0; k < count; ++k) {
+    const float* from = sums[places[k]].feed.data();
+    a += load4(from), b += load4(from + 4), c += load4(from + 8), d += load4(from + 12);
+  }
+  store4(a, to), store4(b, to + 4), store4(c, to + 8), store4(d, to + 12);
+}
+
 namespace {
 
 // The force per advance of sums, split along n_t and n_n: with v by columns, and with omega.

@@ -73,6 +73,9 @@ class ContactSet {
   // Elements that advance whatever the velocity that the set will be asked about, and lie in one
   // tissue: they cost next to nothing. Only of a linear set.
   void add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept;
+  // The same of several elements, one after another, where the handle doesn't turn: those of `sums`
+  // at these `count` places.
+  void add_advancing(const Sums* sums, const std::int32_t* places, int count, int tissue) noexcept;
   int size() const { return nonlinear_ ? nonlinear_->size() : advancing_ + count_; }
 
   // The response with the advancing set {v·n + omega·(r x n) > 0}; v in mm/s, omega in rad/s, B. A

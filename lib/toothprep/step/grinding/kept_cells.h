@@ -34,8 +34,7 @@ struct FourCells {
     for (int p = 0; p < 4; ++p)
       if (wanted[p]) cell_corners(field, i[p], j[p], k[p], corners[p]);
     set(load4(corners[0]), load4(corners[1]), load4(corners[2]), load4(corners[3]),
-        load4(corners[0] + 4), load4(corners[1] + 4), load4(corners[2] + 4),
-        load4(corners[3] + 4));
+        load4(corners[0] + 4), load4(corners[1] + 4), load4(corners[2] + 4), load4(corners[3] + 4));
   }
   // As sample_cell(), four at a time.
   [[nodiscard]] FourSamples at(Float4 fx, Float4 fy, Float4 fz) const noexcept {
