@@ -8,9 +8,11 @@
 #include <cstdio>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <optional>
 #include <sstream>
+#include <utility>
 
 #include "command.h"
 #include "drawn.h"
@@ -34,34 +36,74 @@ struct Options {
 
 constexpr int kPixels = 700;  // width and height of a picture of one surface
 
-// The surfaces of a picture from the same place at the same scale, side by side.
-void draw_surfaces(const figures::Picture& picture, const std::string& folder) {
-  std::vector<std::unique_ptr<LayeredTooth>> teeth;
-  std::vector<Renderer> renderers;
-  std::vector<const TriangleMesh*> meshes;
-  for (const std::string& file : {picture.compare, picture.mesh}) {
-    if (file.empty()) continue;
-    Drawn surface = read_drawn(folder + "/" + file);
-    teeth.push_back(std::move(surface.tooth));
-    std::vector<RenderPart> parts;
-    parts.push_back(std::move(surface.part));
-    renderers.emplace_back(std::move(parts));
-    for (const TriangleMesh* mesh : renderers.back().meshes()) meshes.push_back(mesh);
+// Draws the pictures, of which several show the same surfaces: each is read once for those that
+// follow each other, and what was drawn from the same place at the same scale is kept.
+class Pictures {
+ public:
+  explicit Pictures(std::string folder) : folder_(std::move(folder)) {}
+
+  // The surfaces of a picture from the same place at the same scale, side by side.
+  void draw(const figures::Picture& picture) {
+    std::vector<std::string> files;
+    for (const std::string& file : {picture.compare, picture.mesh})
+      if (!file.empty()) files.push_back(file);
+    std::erase_if(surfaces_, [&](const auto& known) {
+      return std::find(files.begin(), files.end(), known.first) == files.end();
+    });
+    std::vector<const TriangleMesh*> meshes;
+    for (const std::string& file : files)
+      for (const TriangleMesh* mesh : surface(file).renderer.meshes()) meshes.push_back(mesh);
+    const ToothAxes axes = tooth_axes({{"axis_occlusal", picture.occlusal}});
+    Fit fit;
+    fit.width = fit.height = kPixels;
+    const Camera camera = fit_camera(view_of(picture.view, axes), meshes, fit);
+    std::vector<toothprep::Picture> drawn;
+    drawn.reserve(files.size());
+    for (const std::string& file : files) drawn.push_back(drawing(file, camera));
+    draw_scale_bar(drawn.front(), camera.mm_per_pixel);
+    write_png(side_by_side(drawn), folder_ + "/" + picture.file);
   }
-  const ToothAxes axes = tooth_axes({{"axis_occlusal", picture.occlusal}});
-  Fit fit;
-  fit.width = fit.height = kPixels;
-  const Camera camera = fit_camera(view_of(picture.view, axes), meshes, fit);
-  RenderOptions options;
-  options.samples = 2;
-  options.ambient_rays = 32;
-  std::vector<toothprep::Picture> drawn;
-  drawn.reserve(renderers.size());
-  for (const Renderer& renderer : renderers)
-    drawn.push_back(picture_of(renderer.render(camera, options)));
-  draw_scale_bar(drawn.front(), camera.mm_per_pixel);
-  write_png(side_by_side(drawn), folder + "/" + picture.file);
-}
+
+ private:
+  struct Surface {
+    std::unique_ptr<LayeredTooth> tooth;
+    Renderer renderer;
+  };
+  struct Drawing {
+    Camera camera;
+    toothprep::Picture picture;
+  };
+
+  Surface& surface(const std::string& file) {
+    const auto known = surfaces_.find(file);
+    if (known != surfaces_.end()) return known->second;
+    Drawn read = read_drawn(folder_ + "/" + file);
+    std::vector<RenderPart> parts;
+    parts.push_back(std::move(read.part));
+    return surfaces_.emplace(file, Surface{std::move(read.tooth), Renderer(std::move(parts))})
+        .first->second;
+  }
+
+  static bool same(const Camera& a, const Camera& b) {
+    return a.origin == b.origin && a.right == b.right && a.up == b.up && a.forward == b.forward &&
+           a.mm_per_pixel == b.mm_per_pixel && a.width == b.width && a.height == b.height;
+  }
+
+  toothprep::Picture drawing(const std::string& file, const Camera& camera) {
+    std::vector<Drawing>& known = drawings_[file];
+    for (const Drawing& d : known)
+      if (same(d.camera, camera)) return d.picture;
+    RenderOptions options;
+    options.samples = 2;
+    options.ambient_rays = 32;
+    known.push_back({camera, picture_of(surface(file).renderer.render(camera, options))});
+    return known.back().picture;
+  }
+
+  std::string folder_;
+  std::map<std::string, Surface> surfaces_;               // by file
+  std::map<std::string, std::vector<Drawing>> drawings_;  // by file
+};
 
 void run(const Options& o, const Common& common) {
   const std::string folder = o.experiments.empty() ? data_folder() + "/figures" : o.experiments;
@@ -108,8 +150,9 @@ void run(const Options& o, const Common& common) {
     std::vector<std::string> arguments = {output};
     if (common.quiet) arguments.push_back("--quiet");
     if (!run_script(script, arguments)) throw Error(script + " failed");
+    Pictures pictures(output);
     for (const figures::FigureReport& f : reports)
-      for (const figures::Picture& picture : f.pictures) draw_surfaces(picture, output);
+      for (const figures::Picture& picture : f.pictures) pictures.draw(picture);
   }
   std::ostringstream table;
   if (o.json) table << std::ifstream(output + "/figures.json").rdbuf();

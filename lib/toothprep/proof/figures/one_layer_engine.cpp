@@ -46,6 +46,7 @@ void OneLayerEngine::remove_at(const Pose& pose) noexcept {
   const Vec3 last = (tip.cwiseMax(end).array() + grow).floor();
   const Index3 low = first.cast<int>(), high = last.cast<int>();
   const Mat3 to_bur = pose.orientation.toRotationMatrix().transpose() * voxel;
+  const double widest = bur_.max_radius() + 1e-9;  // mm, and more than rounding
   const LabelGrid& labels = workpiece_.tooth().tissue;
   const LevelSet& cut = workpiece_.cut();
   for (int x = low.x(); x <= high.x(); ++x)
@@ -53,6 +54,7 @@ void OneLayerEngine::remove_at(const Pose& pose) noexcept {
       for (int z = low.z(); z <= high.z(); ++z) {
         if (labels.value(x, y, z) == 0 || cut.value(x, y, z) > 0) continue;
         const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
+        if (b.head<2>().squaredNorm() > widest * widest) continue;  // what is asked most
         if (bur_.distance(std::hypot(b.x(), b.y()), b.z()) < -deep_) remove_voxel({x, y, z});
       }
 }

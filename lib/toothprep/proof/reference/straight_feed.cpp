@@ -306,18 +306,38 @@ std::optional<std::vector<HalfSpace>> cutting_planes(const Situation& situation,
   return cutting;
 }
 
+// Whether no place of a cone or cylinder advances: its normals have one slope.
+bool stays_behind(const ProfilePiece& piece, const Vec3& direction) {
+  if (piece.kind != ProfilePiece::Kind::kLine) return false;
+  const ProfilePoint p = point_on(piece, 0);
+  return std::abs(p.along_z) * direction.head<2>().norm() - p.along_r * direction.z() <= kAdvancing;
+}
+
+// Whether all circles between two breaks are alike: on a cylinder that only planes along or across
+// its axis cut.
+bool all_circles_alike(const ProfilePiece& piece, const std::vector<HalfSpace>& cutting) {
+  return piece.kind == ProfilePiece::Kind::kLine && piece.r0 == piece.r1 &&
+         std::all_of(cutting.begin(), cutting.end(),
+                     [](const HalfSpace& h) { return h.a.z() == 0 || h.across == 0; });
+}
+
 Sums along_profile(const Scene& scene, const Situation& situation) {
   Sums sum;
   for (const ProfilePiece& piece : scene.profile) {
-    if (!piece.grinds) continue;
+    if (!piece.grinds || stays_behind(piece, situation.direction)) continue;
     const auto cutting = cutting_planes(situation, piece);
     if (!cutting) continue;
     const double length = length_of(piece);
+    const bool alike = all_circles_alike(piece, *cutting);
     // What is below a thousandth of the piece's own full contact needs no more digits.
     const double absolute = scene.tolerance * 1e-3 * length;
     const std::vector<double> breaks = contact_breaks(piece, *cutting, situation.direction);
     for (std::size_t i = 0; i + 1 < breaks.size(); ++i) {
       const double mean = (breaks[i] + breaks[i + 1]) / 2, half = (breaks[i + 1] - breaks[i]) / 2;
+      if (alike) {
+        sum += 2 * half * length * circle(situation, point_on(piece, mean));
+        continue;
+      }
       const auto integrand = [&](double theta) {
         const double weight = half * length * std::sin(theta);
         return weight * circle(situation, point_on(piece, mean - half * std::cos(theta)));
