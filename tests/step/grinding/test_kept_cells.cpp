@@ -72,5 +72,40 @@ TEST(KeptCells, OnAPathWithCutsAreThoseOfTheField) {
   EXPECT_GT(changed, 10);
 }
 
+// Two points that creep over the border of the tissues, and come back; now one is asked for, now both.
+TEST(KeptTissues, AreThoseOfTheToothsFields) {
+  const LayeredTooth tooth = block(0.1, 1, Vec3(4, 3, 4));
+  const Workpiece workpiece(tooth);
+  KeptTissues kept;
+  const Index3 base = tooth.lattice.to_index(Vec3(0, -0.8, 0)).array().floor().cast<int>();
+  int by_fields = 0, others = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const float s = 0.004f * static_cast<float>(i < 500 ? i : 1000 - i);
+    const Eigen::Vector3f a(0.3f, 1 - 2 * s, s), b(-0.2f + s, -1.5f, 0.6f);
+    const FourPlaces places(Float4{a.x(), b.x()}, Float4{a.y(), b.y()}, Float4{a.z(), b.z()});
+    const Int4 wanted{i % 3 != 0 ? -1 : 0, i % 5 != 0 ? -1 : 0, 0, 0};
+    kept.move_to(places.x + base.x(), places.y + base.y(), places.z + base.z());
+    kept.read_solid(workpiece, wanted);
+    kept.read_tissues(workpiece, wanted);
+    for (int field = -1; field < KeptTissues::kFields; ++field) {
+      const FourSamples found =
+          (field < 0 ? kept.solid : kept.tissues[field]).at(places.fx, places.fy, places.fz);
+      for (int p = 0; p < 2; ++p) {
+        if (!wanted[p]) continue;
+        const FieldSample exact =
+            field_at(field < 0 ? tooth.solid : tooth.remains[field], base, p == 0 ? a : b);
+        ASSERT_EQ(found.value[p], exact.value) << i;
+        ASSERT_EQ(found.gx[p], exact.gx) << i;
+        ASSERT_EQ(found.gy[p], exact.gy) << i;
+        ASSERT_EQ(found.gz[p], exact.gz) << i;
+      }
+    }
+    for (int p = 0; p < 2; ++p)
+      if (wanted[p]) ++(kept.by_fields[p] ? by_fields : others);
+  }
+  EXPECT_GT(by_fields, 100);
+  EXPECT_GT(others, 100);
+}
+
 }  // namespace
 }  // namespace toothprep::testing

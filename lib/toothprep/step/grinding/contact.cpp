@@ -40,7 +40,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   found_.assign(n, Found::kVoid);
   standing_.resize(n);
   cells_.resize(n);
-  near_.resize(n), far_.resize(n);
+  near_.resize(n), far_.resize(n), tissues_.resize(n);
   settled_.assign(n, -1);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);

@@ -86,6 +86,8 @@ class ContactModel {
   struct Scan;
   // The pieces of an element under way.
   struct Lanes;
+  // Their axes.
+  struct HalfAxes4;
   // Four elements under way that are looked at as a whole.
   struct Look;
   // What a look needs to know of an element, four numbers at a time (mm, B).
@@ -121,14 +123,15 @@ class ContactModel {
              Lanes& lanes) const noexcept;
   void note_settled(const Scan& scan, int i, const Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void cover_tooth(const Scan& scan, const Pieces& pieces, int first, const Int4& at_surface,
-                   Lanes& lanes) const noexcept;
+  void cover_tooth(const Workpiece& workpiece, const HalfAxes4& axes, const Int4& at_surface,
+                   KeptTissues& kept, Lanes& lanes) const noexcept;
+  Int4 share_tissues(const Workpiece& workpiece, const HalfAxes4& axes, const Int4& wanted,
+                     KeptTissues& kept, const Lanes& lanes, Float4* of_tissue) const noexcept;
   ContactSet::FourElements middles(const Pieces& pieces, int first,
                                    const Lanes& lanes) const noexcept;
   PerTissue<float> shares_of(const Scan& scan, const Pieces& pieces, int first, int piece,
                              const Lanes& lanes) const noexcept;
-  void add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces, int first,
-                   Lanes& lanes) noexcept;
+  void add_covered(const Scan& scan, int i, const Pieces& pieces, int first, Lanes& lanes) noexcept;
 
   SurfaceElements elements_;
   ContactSet contact_;
@@ -154,6 +157,7 @@ class ContactModel {
   // surface and farther ahead.
   std::vector<KeptCell> cells_;
   std::vector<KeptCells> near_, far_;
+  std::vector<KeptTissues> tissues_;
   // Of a sample: v·n, half its range over the element, and 1 where it is worth a look.
   std::vector<float> advance_, range_;
   std::vector<std::int32_t> worth_, candidates_, to_look_;

@@ -24,6 +24,8 @@ constexpr float kStands = 0.5f;
 // rest, a hundredth of a voxel, keeps a bur that rests in what it has cut itself in touch with it.
 constexpr float kTakenBack = 0.9f;
 
+constexpr float kLeastShare = 1e-4f;  // of a piece: less is nothing
+
 // The cell of an index coordinate beside the tip's voxel. Cutting towards zero is floor for what is
 // positive, and vectorises with SSE2 alone. The offset costs up to 3e-4 voxel: so close to a border
 // of two cells either serves, since the interpolant is continuous.
@@ -112,10 +114,28 @@ inline float at_surface(const FieldSample& s, const Eigen::Vector3f& ahead) {
   return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
 }
 
+inline Float4 at_surface4(const FourSamples& s, const Eigen::Vector3f& ahead) {
+  return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
+}
+
 // The share of an element that lies inside, from the field at its middle and half its range.
 inline float share_inside(float value, float extent) {
   const float share = 0.5f - 0.5f * value / std::max(extent, kLeastExtent);
   return std::min(std::max(share, 0.0f), 1.0f);
 }
+
+struct ContactModel::Lanes {
+  Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
+  float speed;                  // mm/s, of the element
+  float curvature_along, curvature_around;
+  float beside_edge;   // 1 at the sharp edge of a flat end, else 0
+  Float4 ux, uy, uz;   // velocity, mm/s, B
+  Float4 advance;      // v·n, mm/s
+  Float4 ix, iy, iz;   // index of the sample, from the tip's voxel
+  Float4 fx, fy, fz;   // its place in its cell
+  KeptCells* cells;    // these
+  Int4 live;           // -1: may be in contact, 0: not
+  Float4 share, x, y;  // as of CoveredPart
+};
 
 }  // namespace toothprep

@@ -26,81 +26,10 @@ constexpr float kFresh = 0.5f;
 // It lies towards the edge, where the wall of an earlier cut beside the bur lies around the axis.
 constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
-constexpr float kLeastShare = 1e-4f;      // of a piece: less is nothing
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
 
-// The axes of a piece in index space, scaled by half its extents: what a field's gradient is
-// multiplied by to get its half range.
-struct HalfAxes {
-  Eigen::Vector3f along, around;
-  float range_along(const FieldSample& s) const {
-    return s.gx * along.x() + s.gy * along.y() + s.gz * along.z();
-  }
-  float range_around(const FieldSample& s) const {
-    return s.gx * around.x() + s.gy * around.y() + s.gz * around.z();
-  }
-  float extent(const FieldSample& s) const {
-    return std::abs(range_along(s)) + std::abs(range_around(s));
-  }
-};
-
-// How a place is shared among the tissues; adds up to 1, or to 0 in air. By the tissues' level
-// sets; where a tissue without one occurs, by the trilinear blend of the labels.
-void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell,
-                   const Eigen::Vector3f& in_cell, const Eigen::Vector3f& ahead,
-                   const HalfAxes& axes, PerTissue<float>& share) noexcept {
-  const LabelGrid& labels = workpiece.labels();
-  if (labels.is_uniform(brick) && (cell.x() & 7) < 7 && (cell.y() & 7) < 7 && (cell.z() & 7) < 7) {
-    const std::uint8_t label = labels.uniform_value(brick);
-    if (label != 0) share[label - 1] = 1;
-    return;
-  }
-  PerTissue<float> blend{};
-  float total = 0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const int ix = corner >> 2, iy = (corner >> 1) & 1, iz = corner & 1;
-    const std::uint8_t label = labels.value(cell.x() + ix, cell.y() + iy, cell.z() + iz);
-    if (label == 0) continue;
-    const float w = (ix ? in_cell.x() : 1 - in_cell.x()) * (iy ? in_cell.y() : 1 - in_cell.y()) *
-                    (iz ? in_cell.z() : 1 - in_cell.z());
-    blend[label - 1] += w;
-    total += w;
-  }
-  if (total <= 0) return;
-  constexpr int kOther = tissue_index(Tissue::kOther);
-  if (blend[kOther] == 0) {
-    float sum = 0;
-    for (int k = 0; k < kOther; ++k) {
-      float corners[8];
-      cell_corners(workpiece.tooth().remains[k], cell.x(), cell.y(), cell.z(), corners);
-      const FieldSample s = sample_cell(corners, in_cell.x(), in_cell.y(), in_cell.z());
-      share[k] = share_inside(at_surface(s, ahead), axes.extent(s));
-      sum += share[k];
-    }
-    if (sum > 0) {
-      for (int k = 0; k < kOther; ++k) share[k] /= sum;
-      return;
-    }
-  }
-  for (int k = 0; k < kTissueCount; ++k) share[k] = blend[k] / total;
-}
-
 }  // namespace
-
-struct ContactModel::Lanes {
-  Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
-  float speed;                  // mm/s, of the element
-  float curvature_along, curvature_around;
-  float beside_edge;   // 1 at the sharp edge of a flat end, else 0
-  Float4 ux, uy, uz;   // velocity, mm/s, B
-  Float4 advance;      // v·n, mm/s
-  Float4 ix, iy, iz;   // index of the sample, from the tip's voxel
-  Float4 fx, fy, fz;   // its place in its cell
-  KeptCells* cells;    // these
-  Int4 live;           // -1: may be in contact, 0: not
-  Float4 share, x, y;  // as of CoveredPart
-};
 
 // Element i piece by piece.
 void ContactModel::divide(const Scan& scan, int i) noexcept {
@@ -136,7 +65,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   if (simple)
     contact_.add_four(middles(pieces, first, lanes), standing.only - 1, lanes.share, kLeastShare);
   else
-    add_covered(scan, standing, pieces, first, lanes);
+    add_covered(scan, i, pieces, first, lanes);
 }
 
 // Where every piece that advances is covered as a whole or not at all, that holds for a little of
@@ -289,86 +218,6 @@ ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
   e.weight = load4(&pieces.weight[first]);
   e.arm = radius + da * lr;
   return e;
-}
-
-// What is covered of the pieces `at_surface` lies in the tooth in part.
-void ContactModel::cover_tooth(const Scan& scan, const Pieces& pieces, int first,
-                               const Int4& at_surface, Lanes& s) const noexcept {
-  FourCells cells;
-  cells.read(scan.workpiece.tooth().solid, s.cells->x, s.cells->y, s.cells->z, at_surface);
-  const FourSamples solid = cells.at(s.fx, s.fy, s.fz);
-  const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
-               lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
-               ty = load4(&pieces.ty[first]);
-  const float along = pieces.half_along[first], around = pieces.half_around[first];
-  const float* a = scan.frame.a;
-  const auto range = [&](float half, Float4 x, Float4 y, Float4 z) -> Float4 {
-    return solid.gx * (half * (a[0] * x + a[1] * y + a[2] * z)) +
-           solid.gy * (half * (a[3] * x + a[4] * y + a[5] * z)) +
-           solid.gz * (half * (a[6] * x + a[7] * y + a[8] * z));
-  };
-  const Float4 value =
-      solid.value - solid.gx * s.ahead.x() - solid.gy * s.ahead.y() - solid.gz * s.ahead.z();
-  const CoveredPart<Float4> part =
-      covered_part<Float4>(value, range(along, lx, ly, lz), range(around, tx, ty, Float4{}));
-  const Int4 less = at_surface & (part.share < s.share);
-  s.x = less ? part.x : s.x;
-  s.y = less ? part.y : s.y;
-  s.share = at_surface ? s.share * part.share : s.share;
-}
-
-// Puts what is covered into the contact, tissue by tissue.
-void ContactModel::add_covered(const Scan& scan, const Standing& standing, const Pieces& pieces,
-                               int first, Lanes& s) noexcept {
-  const Workpiece& workpiece = scan.workpiece;
-  Int4 at_surface{}, only{};
-  for (int p = 0; p < kPieces; ++p) {
-    if (!(s.share[p] > kLeastShare)) continue;
-    const auto b = static_cast<std::size_t>(s.cells->brick[p]);
-    at_surface[p] = standing.inside_tooth || workpiece.deep(b) ? 0 : -1;
-    only[p] = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
-  }
-  if (any(at_surface)) cover_tooth(scan, pieces, first, at_surface, s);
-  const ContactSet::FourElements e = middles(pieces, first, s);
-  const Int4 counts = s.share > kLeastShare;
-  const std::int32_t one = std::max(std::max(only[0], only[1]), std::max(only[2], only[3]));
-  if (one != 0 && !any(counts & (only != one))) {
-    contact_.add_four(e, one - 1, s.share, kLeastShare);
-    return;
-  }
-  for (int p = 0; p < kPieces; ++p) {
-    if (!counts[p]) continue;
-    const ContactSet::Element lane{e.nx[p],
-                                   e.ny[p],
-                                   e.nz[p],
-                                   e.mx[p],
-                                   e.my[p],
-                                   e.mz[p],
-                                   e.tx[p],
-                                   e.ty[p],
-                                   e.weight[p],
-                                   e.arm[p],
-                                   e.weight[p] * e.arm[p]};
-    if (only[p] != 0)
-      contact_.add(lane, only[p] - 1, s.share[p]);
-    else
-      contact_.add(lane, shares_of(scan, pieces, first, p, s));
-  }
-}
-
-// How what is covered of a piece is shared among the tissues.
-PerTissue<float> ContactModel::shares_of(const Scan& scan, const Pieces& pieces, int first, int p,
-                                         const Lanes& s) const noexcept {
-  const IndexFrame& f = scan.frame;
-  const int q = first + p;
-  const HalfAxes axes{pieces.half_along[first] * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]),
-                      pieces.half_around[first] * f.turned(pieces.tx[q], pieces.ty[q], 0)};
-  PerTissue<float> shares{};
-  tissue_shares(scan.workpiece, static_cast<std::size_t>(s.cells->brick[p]),
-                Index3(s.cells->x[p], s.cells->y[p], s.cells->z[p]),
-                Eigen::Vector3f(s.fx[p], s.fy[p], s.fz[p]), s.ahead, axes, shares);
-  for (float& k : shares) k *= s.share[p];
-  return shares;
 }
 
 }  // namespace toothprep

@@ -85,4 +85,47 @@ struct KeptCells {
   }
 };
 
+// The same of the tooth's own fields, which no cut changes: its surface and the tissues that have level
+// sets.
+struct KeptTissues {
+  static constexpr int kFields = tissue_index(Tissue::kOther);
+
+  Int4 x = {}, y = {}, z = {};                  // lower corners
+  Int4 solid_read = {}, tissues_read = {};      // -1: of this cell
+  Int4 by_fields = {};                          // -1: the level sets tell how a place is shared
+  FourCells solid = {}, tissues[kFields] = {};  // by tissue
+
+  void move_to(Int4 i, Int4 j, Int4 k) noexcept {
+    if (!any(((i ^ x) | (j ^ y) | (k ^ z)) != 0)) return;
+    x = i, y = j, z = k, solid_read = tissues_read = Int4{};
+  }
+  void read_solid(const Workpiece& workpiece, Int4 wanted) noexcept {
+    if (!any(wanted & ~solid_read)) return;
+    solid_read = wanted;
+    solid.read(workpiece.tooth().solid, x, y, z, wanted);
+  }
+  void read_tissues(const Workpiece& workpiece, Int4 wanted) noexcept {
+    if (!any(wanted & ~tissues_read)) return;
+    tissues_read = wanted;
+    for (int k = 0; k < kFields; ++k)
+      tissues[k].read(workpiece.tooth().remains[k], x, y, z, wanted);
+    for (int p = 0; p < 4; ++p)
+      by_fields[p] = wanted[p] && of_fields(workpiece.labels(), x[p], y[p], z[p]) ? -1 : 0;
+  }
+
+ private:
+  // Whether all corners of a cell are of tissues with level sets, and not all of the brick's alike.
+  static bool of_fields(const LabelGrid& labels, int i, int j, int k) noexcept {
+    const std::int64_t brick = labels.brick_index(i, j, k);
+    if (brick >= 0 && labels.is_uniform(static_cast<std::size_t>(brick)) && (i & 7) < 7 &&
+        (j & 7) < 7 && (k & 7) < 7)
+      return false;
+    for (int n = 0; n < 8; ++n) {
+      const std::uint8_t label = labels.value(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1));
+      if (label == 0 || label == static_cast<std::uint8_t>(Tissue::kOther)) return false;
+    }
+    return true;
+  }
+};
+
 }  // namespace toothprep

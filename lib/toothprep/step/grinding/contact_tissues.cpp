@@ -1,0 +1,185 @@
+// What lies of the pieces of an element in the tooth, and in which tissue. The tooth is as it was given,
+// whatever is cut: what was read of its fields stands as long as a piece is in the same cell.
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/contact_frame.h"
+#include "toothprep/step/grinding/covered_part.h"
+
+namespace toothprep {
+namespace {
+
+// The axes of a piece in index space, scaled by half its extents: what a field's gradient is
+// multiplied by to get its half range.
+struct HalfAxes {
+  Eigen::Vector3f along, around;
+  float range_along(const FieldSample& s) const {
+    return s.gx * along.x() + s.gy * along.y() + s.gz * along.z();
+  }
+  float range_around(const FieldSample& s) const {
+    return s.gx * around.x() + s.gy * around.y() + s.gz * around.z();
+  }
+  float extent(const FieldSample& s) const {
+    return std::abs(range_along(s)) + std::abs(range_around(s));
+  }
+};
+
+// How a place is shared among the tissues; adds up to 1, or to 0 in air. By the tissues' level
+// sets; where a tissue without one occurs, by the trilinear blend of the labels.
+void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell,
+                   const Eigen::Vector3f& in_cell, const Eigen::Vector3f& ahead,
+                   const HalfAxes& axes, PerTissue<float>& share) noexcept {
+  const LabelGrid& labels = workpiece.labels();
+  if (labels.is_uniform(brick) && (cell.x() & 7) < 7 && (cell.y() & 7) < 7 && (cell.z() & 7) < 7) {
+    const std::uint8_t label = labels.uniform_value(brick);
+    if (label != 0) share[label - 1] = 1;
+    return;
+  }
+  PerTissue<float> blend{};
+  float total = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const int ix = corner >> 2, iy = (corner >> 1) & 1, iz = corner & 1;
+    const std::uint8_t label = labels.value(cell.x() + ix, cell.y() + iy, cell.z() + iz);
+    if (label == 0) continue;
+    const float w = (ix ? in_cell.x() : 1 - in_cell.x()) * (iy ? in_cell.y() : 1 - in_cell.y()) *
+                    (iz ? in_cell.z() : 1 - in_cell.z());
+    blend[label - 1] += w;
+    total += w;
+  }
+  if (total <= 0) return;
+  constexpr int kOther = tissue_index(Tissue::kOther);
+  if (blend[kOther] == 0) {
+    float sum = 0;
+    for (int k = 0; k < kOther; ++k) {
+      float corners[8];
+      cell_corners(workpiece.tooth().remains[k], cell.x(), cell.y(), cell.z(), corners);
+      const FieldSample s = sample_cell(corners, in_cell.x(), in_cell.y(), in_cell.z());
+      share[k] = share_inside(at_surface(s, ahead), axes.extent(s));
+      sum += share[k];
+    }
+    if (sum > 0) {
+      for (int k = 0; k < kOther; ++k) share[k] /= sum;
+      return;
+    }
+  }
+  for (int k = 0; k < kTissueCount; ++k) share[k] = blend[k] / total;
+}
+
+}  // namespace
+
+// The axes of four pieces in index space, scaled by half their extents.
+struct ContactModel::HalfAxes4 {
+  Float4 along[3], around[3];
+
+  HalfAxes4(const IndexFrame& f, const Pieces& pieces, int first) {
+    const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
+                 lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
+                 ty = load4(&pieces.ty[first]);
+    const float* a = f.a;
+    for (int k = 0; k < 3; ++k, a += 3) {
+      along[k] = pieces.half_along[first] * (a[0] * lx + a[1] * ly + a[2] * lz);
+      around[k] = pieces.half_around[first] * (a[0] * tx + a[1] * ty + a[2] * Float4{});
+    }
+  }
+  Float4 range_along(const FourSamples& s) const {
+    return s.gx * along[0] + s.gy * along[1] + s.gz * along[2];
+  }
+  Float4 range_around(const FourSamples& s) const {
+    return s.gx * around[0] + s.gy * around[1] + s.gz * around[2];
+  }
+};
+
+// Puts what is covered into the contact, tissue by tissue.
+void ContactModel::add_covered(const Scan& scan, int i, const Pieces& pieces, int first,
+                               Lanes& s) noexcept {
+  const Workpiece& workpiece = scan.workpiece;
+  const Standing& standing = standing_[i];
+  Int4 at_surface{}, only{};
+  for (int p = 0; p < kPieces; ++p) {
+    if (!(s.share[p] > kLeastShare)) continue;
+    const auto b = static_cast<std::size_t>(s.cells->brick[p]);
+    at_surface[p] = standing.inside_tooth || workpiece.deep(b) ? 0 : -1;
+    only[p] = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
+  }
+  const HalfAxes4 axes(scan.frame, pieces, first);
+  KeptTissues& kept = tissues_[i];
+  kept.move_to(s.cells->x, s.cells->y, s.cells->z);
+  if (any(at_surface)) cover_tooth(workpiece, axes, at_surface, kept, s);
+  const ContactSet::FourElements e = middles(pieces, first, s);
+  const Int4 counts = s.share > kLeastShare;
+  const std::int32_t one = std::max(std::max(only[0], only[1]), std::max(only[2], only[3]));
+  if (one != 0 && !any(counts & (only != one))) {
+    contact_.add_four(e, one - 1, s.share, kLeastShare);
+    return;
+  }
+  Float4 of_tissue[KeptTissues::kFields] = {};
+  Int4 known{};
+  if (any(counts & (only == 0)))
+    known = share_tissues(workpiece, axes, counts & (only == 0), kept, s, of_tissue);
+  for (int p = 0; p < kPieces; ++p) {
+    if (!counts[p]) continue;
+    const ContactSet::Element lane{e.nx[p], e.ny[p], e.nz[p],     e.mx[p],  e.my[p],
+                                   e.mz[p], e.tx[p], e.ty[p],     e.weight[p], e.arm[p],
+                                   e.weight[p] * e.arm[p]};
+    if (only[p] != 0)
+      contact_.add(lane, only[p] - 1, s.share[p]);
+    else if (known[p])
+      contact_.add(lane, PerTissue<float>{of_tissue[0][p], of_tissue[1][p], of_tissue[2][p], 0});
+    else
+      contact_.add(lane, shares_of(scan, pieces, first, p, s));
+  }
+}
+
+// What is covered of the pieces `at_surface` lies in the tooth in part.
+void ContactModel::cover_tooth(const Workpiece& workpiece, const HalfAxes4& axes,
+                               const Int4& at_surface, KeptTissues& kept,
+                               Lanes& s) const noexcept {
+  kept.read_solid(workpiece, at_surface);
+  const FourSamples solid = kept.solid.at(s.fx, s.fy, s.fz);
+  const CoveredPart<Float4> part = covered_part<Float4>(
+      at_surface4(solid, s.ahead), axes.range_along(solid), axes.range_around(solid));
+  const Int4 less = at_surface & (part.share < s.share);
+  s.x = less ? part.x : s.x;
+  s.y = less ? part.y : s.y;
+  s.share = at_surface ? s.share * part.share : s.share;
+}
+
+// How the pieces `wanted` are shared among the tissues that have level sets, times what is covered of
+// each. Returns those of which these tell; as tissue_shares(), four at a time.
+Int4 ContactModel::share_tissues(const Workpiece& workpiece, const HalfAxes4& axes,
+                                 const Int4& wanted, KeptTissues& kept, const Lanes& s,
+                                 Float4* of_tissue) const noexcept {
+  kept.read_tissues(workpiece, wanted);
+  Float4 sum{};
+  for (int k = 0; k < KeptTissues::kFields; ++k) {
+    const FourSamples field = kept.tissues[k].at(s.fx, s.fy, s.fz);
+    const Float4 extent =
+        magnitude(axes.range_along(field)) + magnitude(axes.range_around(field));
+    const Float4 share =
+        0.5f - 0.5f * at_surface4(field, s.ahead) / greatest(extent, all4(kLeastExtent));
+    of_tissue[k] = least(greatest(share, Float4{}), all4(1));
+    sum += of_tissue[k];
+  }
+  for (int k = 0; k < KeptTissues::kFields; ++k)
+    of_tissue[k] = of_tissue[k] / sum * s.share;
+  return wanted & kept.by_fields & (sum > 0);
+}
+
+// How what is covered of a piece is shared among the tissues.
+PerTissue<float> ContactModel::shares_of(const Scan& scan, const Pieces& pieces, int first, int p,
+                                         const Lanes& s) const noexcept {
+  const IndexFrame& f = scan.frame;
+  const int q = first + p;
+  const HalfAxes axes{
+      pieces.half_along[first] * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]),
+      pieces.half_around[first] * f.turned(pieces.tx[q], pieces.ty[q], 0)};
+  PerTissue<float> shares{};
+  tissue_shares(scan.workpiece, static_cast<std::size_t>(s.cells->brick[p]),
+                Index3(s.cells->x[p], s.cells->y[p], s.cells->z[p]),
+                Eigen::Vector3f(s.fx[p], s.fy[p], s.fz[p]), s.ahead, axes, shares);
+  for (float& k : shares) k *= s.share[p];
+  return shares;
+}
+
+}  // namespace toothprep
