@@ -126,6 +126,18 @@ struct Tile {
   }
 };
 
+// Up to 2 x 2 pixels of one surface.
+struct Block {
+  std::vector<std::array<int, 2>> pixels;  // of its tile; none: it is drawn
+  const Seen* place = nullptr;             // of the first
+  std::array<float, 4> open{};             // shares of the quarters of the sky
+};
+
+struct SkyLight {
+  Colour bounced = Colour::Zero();  // also from walls of the place's colour
+  float open = 0;                   // share of the sky
+};
+
 }  // namespace
 
 struct Renderer::Part {
@@ -336,24 +348,27 @@ struct Renderer::Pass {
     return blocked(seen.point + lift * seen.face, along, 1e6) ? 0.f : 1.f;
   }
 
-  // `sky_parts`: how much of the sky is open to the place, of equal parts of the sky.
-  Colour shade(const Seen& seen, std::span<const float> sky_parts, float lit) const {
+  // `shares`: how much of the sky is open to a place, of equal parts of the sky.
+  static SkyLight sky_light(const Colour& colour, std::span<const float> shares) {
+    SkyLight light;
+    for (const float open : shares) {
+      // Light thrown to and fro between walls of this colour: a geometric series.
+      light.bounced += open / (1 - 0.8f * colour * (1 - open));
+      light.open += open;
+    }
+    light.bounced /= static_cast<float>(shares.size());
+    light.open /= static_cast<float>(shares.size());
+    return light;
+  }
+
+  Colour shade(const Seen& seen, const SkyLight& from_sky, float lit) const {
     const auto facing = [&](const Vec3& light) {
       return static_cast<float>(std::max(0.0, seen.normal.dot(light)));
     };
-    // Light thrown to and fro between walls of this colour: a geometric series.
-    Colour bounced = Colour::Zero();
-    float open = 0;
-    for (const float part : sky_parts) {
-      bounced += part / (1 - 0.8f * seen.colour * (1 - part));
-      open += part;
-    }
-    bounced /= static_cast<float>(sky_parts.size());
-    open /= static_cast<float>(sky_parts.size());
     const float upward = static_cast<float>(seen.normal.dot(sky));
-    Colour light = bounced * (0.40f + 0.08f * upward);
+    Colour light = from_sky.bounced * (0.40f + 0.08f * upward);
     light += 0.66f * lit * facing(key);
-    light += (0.3f + 0.7f * open) * 0.16f * facing(fill);
+    light += (0.3f + 0.7f * from_sky.open) * 0.16f * facing(fill);
     const Vec3 half = (key - camera.forward).normalized();
     const float gloss = seen.on_cut ? 0.f : 0.07f * lit * std::pow(facing(half), 50.f);
     if (seen.figure) light = 0.5f + 0.5f * light;
@@ -398,34 +413,57 @@ struct Renderer::Pass {
 
   void draw_tile(int left, int top, Image& image) const {
     const Tile tile = look_at_tile(left, top, image);
-    for (int y = 0; y < tile.height; y += 2)
-      for (int x = 0; x < tile.width; x += 2) draw_block(tile, x, y, image);
+    const int across = (tile.width + 1) / 2, down = (tile.height + 1) / 2;
+    std::vector<Block> blocks;
+    for (int y = 0; y < down; ++y)
+      for (int x = 0; x < across; ++x) blocks.push_back(look_at_block(tile, 2 * x, 2 * y, image));
+    std::vector<float> shares;
+    for (int y = 0; y < down; ++y)
+      for (int x = 0; x < across; ++x) {
+        const Block& block = blocks[static_cast<std::size_t>(y * across + x)];
+        if (block.pixels.empty()) continue;
+        shares.clear();
+        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, down - 1); ++v)
+          for (int u = std::max(x - 1, 0); u <= std::min(x + 1, across - 1); ++u) {
+            const Block& near = blocks[static_cast<std::size_t>(v * across + u)];
+            if (!near.pixels.empty() &&
+                of_one_surface(*near.place, *block.place, 2 * largest_step()))
+              shares.insert(shares.end(), near.open.begin(), near.open.end());
+          }
+        for (const auto& [px, py] : block.pixels) draw_plain(tile, px, py, shares, image);
+      }
   }
 
-  // Up to 2 x 2 pixels. Those of one surface share their rays to the sky.
-  void draw_block(const Tile& tile, int left, int top, Image& image) const {
-    const double largest_step = 3 * camera.mm_per_pixel;
+  // Between places that are a pixel apart, mm.
+  double largest_step() const { return 3 * camera.mm_per_pixel; }
+
+  // Draws those of up to 2 x 2 pixels that don't show one surface. The others share their rays to
+  // the sky if they show the same one, and are drawn here if not.
+  Block look_at_block(const Tile& tile, int left, int top, Image& image) const {
+    Block block;
     std::vector<const Seen*> places;
-    std::vector<std::array<int, 2>> pixels;
     bool together = true;
     for (int y = top; y < std::min(top + 2, tile.height); ++y)
       for (int x = left; x < std::min(left + 2, tile.width); ++x) {
-        if (any_ghost || !tile.plain(x, y, largest_step)) {
+        if (any_ghost || !tile.plain(x, y, largest_step())) {
           draw_samples(tile.left + x, tile.top + y, image);
         } else if (tile.centre(x, y).depth < kInfinity) {
           places.push_back(&tile.centre(x, y));
-          pixels.push_back({x, y});
-          together = together && of_one_surface(*places.front(), *places.back(), largest_step);
+          block.pixels.push_back({x, y});
+          together = together && of_one_surface(*places.front(), *places.back(), largest_step());
         }
       }
-    if (places.empty()) return;
+    if (places.empty()) return block;
     const double turn = pixel_noise(tile.left + left, tile.top + top);
-    std::array<float, 4> open{};
-    if (together) open = sky_shares(places, turn);
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      if (!together) open = sky_shares({places[i]}, turn);
-      draw_plain(tile, pixels[i][0], pixels[i][1], open, image);
+    if (together) {
+      block.place = places.front();
+      block.open = sky_shares(places, turn);
+      return block;
     }
+    for (std::size_t i = 0; i < places.size(); ++i)
+      draw_plain(tile, block.pixels[i][0], block.pixels[i][1], sky_shares({places[i]}, turn),
+                 image);
+    return {};
   }
 
   // Of the quarters of the sky. A third of the rays first, and the others if one was blocked.
@@ -444,17 +482,21 @@ struct Renderer::Pass {
 
   // The mean of the pixel by Simpson's rule. The key light is tried by more rays where the
   // corners' disagree.
-  void draw_plain(const Tile& tile, int x, int y, std::span<const float> open, Image& image) const {
+  void draw_plain(const Tile& tile, int x, int y, std::span<const float> sky_shares,
+                  Image& image) const {
+    const Seen& centre = tile.centre(x, y);
+    const SkyLight from_sky = sky_light(centre.colour, sky_shares);
     const auto corners = tile.corners_of(x, y);
     const std::optional<bool> all = tile.all_lit(x, y);
     float lit = all.value_or(false) ? 1.f : 0.f;
     if (!all) {
       const double turn = pixel_noise(tile.left + x, tile.top + y);
+      // Each corner takes every ring and every quarter of the lamp.
       for (std::size_t s = 0; s < 16; ++s)
-        lit += key_seen(tile.corners[corners[s % 4]], static_cast<int>(s), 16, turn) / 16;
+        lit += key_seen(tile.corners[corners[(s + s / 4) % 4]], static_cast<int>(s), 16, turn) / 16;
     }
-    Colour colour = 8 * shade(tile.centre(x, y), open, lit);
-    for (const std::size_t c : corners) colour += shade(tile.corners[c], open, lit);
+    Colour colour = 8 * shade(centre, from_sky, lit);
+    for (const std::size_t c : corners) colour += shade(tile.corners[c], from_sky, lit);
     const std::size_t p = image.pixel(tile.left + x, tile.top + y);
     for (int k = 0; k < 3; ++k) image.rgba[4 * p + k] = colour[k] / 12;
     image.rgba[4 * p + 3] = 1;
@@ -473,7 +515,7 @@ struct Renderer::Pass {
       float alpha = 0;
       if (look(origin, false, seen)) {
         const float open = sky_seen(seen, s, total, sample_rays, turn).share();
-        colour = shade(seen, {&open, 1}, key_seen(seen, s, total, turn));
+        colour = shade(seen, sky_light(seen.colour, {&open, 1}), key_seen(seen, s, total, turn));
         alpha = 1;
       }
       if (any_ghost) add_ghost(origin, seen.depth, colour, alpha);
