@@ -335,7 +335,7 @@ TEST(Renderer, FewRaysGiveTheColourOfAllSamples) {
     sum += difference;
     most = std::max(most, difference);
   }
-  // 96 rays in layers know the open share of the sky to 0.05, 16 to the lamp its to 0.1; the sky
+  // 96 rays in layers know the open share of the sky to 0.05, 32 to the lamp its to 0.1; the sky
   // gives 0.4 of the light, the lamp 0.66.
   EXPECT_LT(most, 0.1);
   EXPECT_LT(sum / static_cast<double>(few.rgba.size()), 0.002);

@@ -119,8 +119,16 @@ void ContactModel::add_covered(const Scan& scan, int i, const Pieces& pieces, in
     known = share_tissues(workpiece, axes, counts & (only == 0), kept, s, of_tissue);
   for (int p = 0; p < kPieces; ++p) {
     if (!counts[p]) continue;
-    const ContactSet::Element lane{e.nx[p], e.ny[p], e.nz[p],     e.mx[p],  e.my[p],
-                                   e.mz[p], e.tx[p], e.ty[p],     e.weight[p], e.arm[p],
+    const ContactSet::Element lane{e.nx[p],
+                                   e.ny[p],
+                                   e.nz[p],
+                                   e.mx[p],
+                                   e.my[p],
+                                   e.mz[p],
+                                   e.tx[p],
+                                   e.ty[p],
+                                   e.weight[p],
+                                   e.arm[p],
                                    e.weight[p] * e.arm[p]};
     if (only[p] != 0)
       contact_.add(lane, only[p] - 1, s.share[p]);
@@ -133,8 +141,7 @@ void ContactModel::add_covered(const Scan& scan, int i, const Pieces& pieces, in
 
 // What is covered of the pieces `at_surface` lies in the tooth in part.
 void ContactModel::cover_tooth(const Workpiece& workpiece, const HalfAxes4& axes,
-                               const Int4& at_surface, KeptTissues& kept,
-                               Lanes& s) const noexcept {
+                               const Int4& at_surface, KeptTissues& kept, Lanes& s) const noexcept {
   kept.read_solid(workpiece, at_surface);
   const FourSamples solid = kept.solid.at(s.fx, s.fy, s.fz);
   const CoveredPart<Float4> part = covered_part<Float4>(
@@ -154,15 +161,13 @@ Int4 ContactModel::share_tissues(const Workpiece& workpiece, const HalfAxes4& ax
   Float4 sum{};
   for (int k = 0; k < KeptTissues::kFields; ++k) {
     const FourSamples field = kept.tissues[k].at(s.fx, s.fy, s.fz);
-    const Float4 extent =
-        magnitude(axes.range_along(field)) + magnitude(axes.range_around(field));
+    const Float4 extent = magnitude(axes.range_along(field)) + magnitude(axes.range_around(field));
     const Float4 share =
         0.5f - 0.5f * at_surface4(field, s.ahead) / greatest(extent, all4(kLeastExtent));
     of_tissue[k] = least(greatest(share, Float4{}), all4(1));
     sum += of_tissue[k];
   }
-  for (int k = 0; k < KeptTissues::kFields; ++k)
-    of_tissue[k] = of_tissue[k] / sum * s.share;
+  for (int k = 0; k < KeptTissues::kFields; ++k) of_tissue[k] = of_tissue[k] / sum * s.share;
   return wanted & kept.by_fields & (sum > 0);
 }
 
@@ -171,9 +176,8 @@ PerTissue<float> ContactModel::shares_of(const Scan& scan, const Pieces& pieces,
                                          const Lanes& s) const noexcept {
   const IndexFrame& f = scan.frame;
   const int q = first + p;
-  const HalfAxes axes{
-      pieces.half_along[first] * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]),
-      pieces.half_around[first] * f.turned(pieces.tx[q], pieces.ty[q], 0)};
+  const HalfAxes axes{pieces.half_along[first] * f.turned(pieces.lx[q], pieces.ly[q], pieces.lz[q]),
+                      pieces.half_around[first] * f.turned(pieces.tx[q], pieces.ty[q], 0)};
   PerTissue<float> shares{};
   tissue_shares(scan.workpiece, static_cast<std::size_t>(s.cells->brick[p]),
                 Index3(s.cells->x[p], s.cells->y[p], s.cells->z[p]),

@@ -492,8 +492,11 @@ struct Renderer::Pass {
     if (!all) {
       const double turn = pixel_noise(tile.left + x, tile.top + y);
       // Each corner takes every ring and every quarter of the lamp.
-      for (std::size_t s = 0; s < 16; ++s)
-        lit += key_seen(tile.corners[corners[(s + s / 4) % 4]], static_cast<int>(s), 16, turn) / 16;
+      constexpr int kRays = 32;
+      for (int s = 0; s < kRays; ++s)
+        lit += key_seen(tile.corners[corners[static_cast<std::size_t>(s + s / 4) % 4]], s, kRays,
+                        turn) /
+               kRays;
     }
     Colour colour = 8 * shade(centre, from_sky, lit);
     for (const std::size_t c : corners) colour += shade(tile.corners[c], from_sky, lit);
