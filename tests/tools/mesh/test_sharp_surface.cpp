@@ -34,6 +34,13 @@ using surfaces::tooth_of;
 using units::kPi;
 using Field = std::function<double(const Vec3&)>;
 
+double from_segment(const Vec3& x, const Vec3& a, const Vec3& b) {
+  const Vec3 along = b - a;
+  const double length = along.squaredNorm();
+  const double t = length > 0 ? std::clamp((x - a).dot(along) / length, 0.0, 1.0) : 0;
+  return (x - a - t * along).norm();
+}
+
 // A tooth, a cut, and the curve in which they meet: its distance from a point, and points on it.
 struct Preparation {
   std::string name;
@@ -114,11 +121,33 @@ Preparation ball_slot_in_block(const Quat& q) {
   return p;
 }
 
-double from_segment(const Vec3& x, const Vec3& a, const Vec3& b) {
-  const Vec3 along = b - a;
-  const double length = along.squaredNorm();
-  const double t = length > 0 ? std::clamp((x - a).dot(along) / length, 0.0, 1.0) : 0;
-  return (x - a - t * along).norm();
+// A box, leant by an angle, that is open at the top of a block: a margin with four corners, in which
+// line angles of the cut come out.
+Preparation box_in_block(const Quat& q, double lean) {
+  const Vec3 half(1.6, 1.53, 1.7), middle(0.083, 1.4, 0.031), box(0.83, 0.9, 0.62);
+  const Quat leant(Eigen::AngleAxisd(lean, Vec3(2, 1, -1).normalized()));
+  Preparation p;
+  p.name = "box in block, leant by " + std::to_string(lean);
+  p.tooth = [q, half](const Vec3& x) { return box_distance(q.conjugate() * x, half); };
+  p.cut = [=](const Vec3& x) {
+    return box_distance(leant.conjugate() * (q.conjugate() * x - middle), box);
+  };
+  // The box's upright edges meet the block's top.
+  std::vector<Vec3> corner;
+  for (const auto& [x, z] : {std::array{-1, -1}, {1, -1}, {1, 1}, {-1, 1}}) {
+    const Vec3 on = middle + leant * Vec3(x * box.x(), 0, z * box.z()), up = leant * Vec3::UnitY();
+    corner.push_back(q * (on + (half.y() - on.y()) / up.y() * up));
+  }
+  p.from_curve = [corner](const Vec3& x) {
+    double nearest = std::numeric_limits<double>::max();
+    for (int k = 0; k < 4; ++k)
+      nearest = std::min(nearest, from_segment(x, corner[k], corner[(k + 1) % 4]));
+    return nearest;
+  };
+  for (int k = 0; k < 4; ++k)
+    for (double t = 0; t < 1; t += 0.005)
+      p.curve.push_back(corner[k] + t * (corner[(k + 1) % 4] - corner[k]));
+  return p;
 }
 
 // The farthest that margin and curve are from one another, mm.
@@ -137,13 +166,14 @@ double margin_error(const SharpSurface& surface, const Preparation& p) {
   return error;
 }
 
-// Measured: 0.013 to 0.066 voxels. Linear interpolation over a tetrahedron's diagonal bounds each
+// Measured: 0.005 to 0.062 voxels, where line angles of the cut come out 0.014 at most. Linear interpolation over a tetrahedron's diagonal bounds each
 // field's error by 3/8 D²/R, 0.06 D for R = 0.6 mm and D = 0.1 mm, and the surfaces meet at 35 to
 // 90 degrees.
 TEST(SharpSurface, TheMarginIsWithinATenthOfAVoxelOfTheCurveInWhichToothAndCutMeet) {
   const Quat upright = Quat::Identity(), tilted(Eigen::AngleAxisd(0.6, Vec3(1, 2, 3).normalized()));
   for (const Quat& q : {upright, tilted})
-    for (const Preparation& p : {ball_in_sphere(q), slot_in_block(q), ball_slot_in_block(q)})
+    for (const Preparation& p : {ball_in_sphere(q), slot_in_block(q), ball_slot_in_block(q),
+                                 box_in_block(q, 0), box_in_block(q, 0.4)})
       for (const double voxel : {0.1, 0.05}) {
         SCOPED_TRACE(p.name + (q.w() == 1 ? ", upright, " : ", tilted, ") + std::to_string(voxel));
         const LayeredTooth tooth = cut_tooth(p.tooth, p.cut, 3.1, voxel);
@@ -280,9 +310,10 @@ LineAngleErrors errors_of(const TriangleMesh& mesh, const LineAngles& l, const F
 constexpr std::array<double, 2> kVoxels = {0.1, 0.05};
 const Vec3 kShift(0.013, 0.031, 0.047);  // so that nothing lies on the lattice
 
-// One field alone has them 0.2 to 0.48 voxels off in the middle, 0.79 at most. What is left are
-// corners of three faces, and places where the edge passes between lattice points.
-TEST(SharpSurface, NineTenthsOfTheLineAnglesOfACutAreWithinATenthOfAVoxelOfWhatTheBurSwept) {
+// One field alone has them 0.2 to 0.48 voxels off in the middle, 0.79 at most. Measured: at most
+// 0.075, and 99 % of the triangles within 0.07; the least radius is 3 voxels. Across the step's end,
+// where three faces meet of which two are convex, one corner stays bevelled.
+TEST(SharpSurface, LineAnglesOfACutAreWithinATenthOfAVoxelOfWhatTheBurSwept) {
   const Quat upright = Quat::Identity(), tilted(Eigen::AngleAxisd(0.6, Vec3(1, 2, 3).normalized()));
   for (const Quat& q : {upright, tilted})
     for (const LineAngles& upright_cut :
@@ -307,10 +338,11 @@ TEST(SharpSurface, NineTenthsOfTheLineAnglesOfACutAreWithinATenthOfAVoxelOfWhatT
                     quantile(lines, 1), quantile(bevelled, 0.5), quantile(bevelled, 1),
                     quantile(faces, 0.99), quantile(faces, 1));
         EXPECT_LT(quantile(lines, 0.5), 0.025);
-        EXPECT_LT(quantile(lines, 0.9), 0.1);
-        EXPECT_LT(quantile(lines, 0.95), 0.21);
-        EXPECT_LT(quantile(lines, 1), 0.8 * quantile(bevelled, 1));
-        EXPECT_LT(quantile(faces, 0.99), 0.12);
+        EXPECT_LT(quantile(lines, 0.95), 0.05);
+        EXPECT_LT(quantile(lines, 1), 0.1);
+        EXPECT_GT(quantile(bevelled, 1), 0.15);
+        EXPECT_LT(quantile(faces, 0.99), 0.1);
+        EXPECT_LT(quantile(faces, 1), l.name == "step" ? 0.25 : 0.1);
         if (voxel == 0.1) expect_valid(surface.mesh);
       }
 }

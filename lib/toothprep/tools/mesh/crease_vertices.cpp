@@ -1,8 +1,11 @@
 #include "toothprep/tools/mesh/crease_vertices.h"
 
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <set>
+#include <cstdint>
 #include <utility>
 
 #include "toothprep/tools/mesh/crossing_triangles.h"
@@ -10,103 +13,336 @@
 namespace toothprep {
 namespace {
 
-constexpr double kBackStep = 0.25;  // of the way from a cell to a crease beyond it
-constexpr double kOutward = 0.1;    // cosine between a triangle and a face of the cut about it
+constexpr double kBackStep = 0.25;  // of a vertex's way
 
 using FloatBox = Eigen::AlignedBox3f;
-FloatBox box_of(const TriangleMesh& mesh, std::size_t t) {
-  FloatBox box;
-  for (const std::uint32_t v : mesh.triangles[t]) box.extend(mesh.vertices[v]);
-  return box;
-}
 
 }  // namespace
 
-CreaseVertices::CreaseVertices(TriangleMesh& mesh, const Lattice& lattice, const Fields& fields,
-                               std::vector<std::size_t> first_triangle)
-    : mesh_(mesh), lattice_(lattice), fields_(fields), first_triangle_(std::move(first_triangle)) {}
+// Triangles by the cells of a coarse lattice that their boxes touch, wherever their vertices are
+// on their ways.
+class CreaseVertices::Neighbours {
+ public:
+  Neighbours(const TriangleMesh& mesh, const std::vector<FloatBox>& reach, double voxel)
+      : mesh_(mesh), reach_(reach), cell_(static_cast<float>(kCell * voxel)) {
+    for (const FloatBox& box : reach) all_.extend(box);
+    for (int k = 0; k < 3; ++k)
+      counts_[k] = static_cast<std::int64_t>((all_.max()[k] - all_.min()[k]) / cell_) + 1;
+  }
+  // Only cells that one of these touches are kept.
+  void keep(const std::vector<std::size_t>& triangles) {
+    for (const std::size_t t : triangles)
+      for_cells(box_of(t), [&](std::int64_t cell) { cells_.push_back(cell); });
+    std::sort(cells_.begin(), cells_.end());
+    cells_.erase(std::unique(cells_.begin(), cells_.end()), cells_.end());
+    std::vector<bool> is_kept(static_cast<std::size_t>(counts_[0] * counts_[1] * counts_[2]));
+    for (const std::int64_t cell : cells_) is_kept[static_cast<std::size_t>(cell)] = true;
+    for (std::size_t t = 0; t < mesh_.triangles.size(); ++t)
+      for_cells(box_of(t), [&](std::int64_t cell) {
+        if (is_kept[static_cast<std::size_t>(cell)]) entries_.push_back({cell, t});
+      });
+    std::sort(entries_.begin(), entries_.end());
+  }
+  std::vector<std::size_t> of(std::size_t triangle) const {
+    std::vector<std::size_t> its;
+    const FloatBox box = box_of(triangle);
+    for_cells(box, [&](std::int64_t cell) {
+      auto e = std::lower_bound(entries_.begin(), entries_.end(), std::pair{cell, std::size_t{0}});
+      for (; e != entries_.end() && e->first == cell; ++e)
+        if (e->second != triangle && box.intersects(box_of(e->second))) its.push_back(e->second);
+    });
+    std::sort(its.begin(), its.end());
+    its.erase(std::unique(its.begin(), its.end()), its.end());
+    return its;
+  }
 
-void CreaseVertices::add(std::uint32_t vertex, const Index3& cell, const Crease& crease) {
-  vertices_.push_back({vertex, cell, &crease, crease.at == crease.within ? 0.0 : 1.0});
+ private:
+  static constexpr double kCell = 2;  // voxels
+  FloatBox box_of(std::size_t t) const {
+    FloatBox box;
+    for (const std::uint32_t v : mesh_.triangles[t]) box.extend(reach_[v]);
+    return box;
+  }
+  template <class Function>
+  void for_cells(const FloatBox& box, const Function& function) const {
+    std::array<std::array<std::int64_t, 2>, 3> range;
+    for (int k = 0; k < 3; ++k)
+      range[k] = {static_cast<std::int64_t>((box.min()[k] - all_.min()[k]) / cell_),
+                  static_cast<std::int64_t>((box.max()[k] - all_.min()[k]) / cell_)};
+    for (std::int64_t x = range[0][0]; x <= range[0][1]; ++x)
+      for (std::int64_t y = range[1][0]; y <= range[1][1]; ++y)
+        for (std::int64_t z = range[2][0]; z <= range[2][1]; ++z)
+          function((x * counts_[1] + y) * counts_[2] + z);
+  }
+
+  const TriangleMesh& mesh_;
+  const std::vector<FloatBox>& reach_;
+  float cell_;
+  FloatBox all_;
+  std::array<std::int64_t, 3> counts_{};
+  std::vector<std::int64_t> cells_;
+  std::vector<std::pair<std::int64_t, std::size_t>> entries_;
+};
+
+void CreaseVertices::add(std::uint32_t vertex, const Vec3& to) {
+  its_.push_back({vertex, {}, {}, at(vertex), to, 1, 1, true});
 }
 
-void CreaseVertices::keep_clear() {
-  for (bool moved = true; moved;) {
-    moved = false;
-    for (Its& its : vertices_) {
-      if (its.beyond == 0) continue;
-      const About near = about(its);
-      if (!crosses(near) && !sticks_out(near, *its.crease)) continue;
-      its.beyond -= kBackStep;
-      move(its, its.crease->within + its.beyond * (its.crease->at - its.crease->within));
-      moved = true;
+void CreaseVertices::add_dividing(std::uint32_t vertex, const std::vector<std::uint32_t>& corners,
+                                  const std::vector<double>& weights, const Vec3& to) {
+  its_.push_back({vertex, corners, weights, to, to, 1, 1, true});
+}
+
+void CreaseVertices::put_all() {
+  for (Its& its : its_) {
+    its.moved = its.part > 0;
+    if (!its.corners.empty()) {
+      its.from.setZero();
+      for (std::size_t k = 0; k < its.corners.size(); ++k) {
+        its.from += its.weights[k] * at(its.corners[k]);
+        its.moved = its.moved || is_moved(its.corners[k]);
+      }
     }
-  }
-  for (const Its& its : vertices_) {
-    if (its.beyond > 0) continue;
-    if (const About near = about(its); sticks_out(near, *its.crease))
-      move(its, middle_of_border(its, near));
+    mesh_.vertices[its.vertex] = (its.from + its.part * (its.to - its.from)).cast<float>();
   }
 }
 
-// Those with this corner, and those of the bricks around that may meet them.
-CreaseVertices::About CreaseVertices::about(const Its& its) const {
-  constexpr double kTriangleReach = 2.5;  // of a vertex, voxels
-  std::set<std::size_t> bricks;
-  for (int n = 0; n < 27; ++n) {
-    const Index3 side(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-    const Vec3 there = its.crease->within + kTriangleReach * side.cast<double>();
-    if (const auto b = fields_.brick_of(there.array().floor().cast<int>())) bricks.insert(*b);
+// A vertex reaches all places of its way. Leaves them at its end.
+std::vector<FloatBox> CreaseVertices::reach() {
+  std::vector<FloatBox> reach(mesh_.vertices.size());
+  for (const bool at_end : {false, true}) {
+    for (Its& its : its_) its.part = at_end ? its.most : 0;
+    put_all();
+    for (std::size_t v = 0; v < reach.size(); ++v) reach[v].extend(mesh_.vertices[v]);
   }
-  About about;
-  FloatBox box;
-  for (const std::size_t b : bricks)
-    for (std::size_t t = first_triangle_[b]; t < first_triangle_[b + 1]; ++t) {
-      const auto& corners = mesh_.triangles[t];
-      const bool own = std::find(corners.begin(), corners.end(), its.vertex) != corners.end();
-      (own ? about.own : about.others).push_back(t);
-      if (own) box.extend(box_of(mesh_, t));
+  return reach;
+}
+
+// Of which a corner was moved, or that were flipped.
+bool CreaseVertices::is_changed(std::size_t t) const {
+  const auto& corners = mesh_.triangles[t];
+  return corners != as_given_[t] ||
+         std::any_of(corners.begin(), corners.end(), [&](auto v) { return is_moved(v); });
+}
+
+std::vector<std::size_t> CreaseVertices::moved_triangles() const {
+  std::vector<std::size_t> moved;
+  for (std::size_t t = 0; t < mesh_.triangles.size(); ++t)
+    if (is_changed(t)) moved.push_back(t);
+  return moved;
+}
+
+Vec3 CreaseVertices::normal(const std::array<std::uint32_t, 3>& t) const {
+  return (at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])).normalized();
+}
+
+// Replaces edges of triangles by the other diagonals of both their triangles.
+class CreaseVertices::Flips {
+ public:
+  Flips(CreaseVertices& vertices, const LooksWell& looks_well, const MayFlip& may_flip,
+        const std::vector<std::size_t>& folded)
+      : vertices_(vertices),
+        triangles_(vertices.mesh_.triangles),
+        looks_well_(looks_well),
+        may_flip_(may_flip) {
+    constexpr int kRings = 4;
+    std::vector<bool> near(vertices.mesh_.vertices.size());
+    for (const std::size_t t : folded)
+      for (const std::uint32_t v : triangles_[t]) near[v] = true;
+    for (int ring = 0; ring < kRings; ++ring) {
+      const std::vector<bool> before = near;
+      for (const auto& t : triangles_)
+        if (before[t[0]] || before[t[1]] || before[t[2]])
+          near[t[0]] = near[t[1]] = near[t[2]] = true;
     }
-  std::erase_if(about.others, [&](std::size_t t) { return !box.intersects(box_of(mesh_, t)); });
-  return about;
-}
-
-bool CreaseVertices::crosses(const About& about) const {
-  for (std::size_t k = 0; k < about.own.size(); ++k) {
-    for (std::size_t other = k + 1; other < about.own.size(); ++other)
-      if (cross(mesh_, about.own[k], about.own[other])) return true;
-    for (const std::size_t t : about.others)
-      if (cross(mesh_, about.own[k], t)) return true;
+    for (std::size_t t = 0; t < triangles_.size(); ++t)
+      for (const std::uint32_t v : triangles_[t])
+        if (near[v]) about_[v].push_back(t);
   }
-  return false;
+  // If the edges opposite to one of its corners can be replaced, from one triangle to the next, so
+  // that less is folded. Adds the triangles that are folded after it.
+  bool mend(std::size_t triangle, std::vector<std::size_t>& left) {
+    const std::array<std::uint32_t, 3> corners = triangles_[triangle];
+    for (const std::uint32_t apex : corners) {
+      gained_ = 0;
+      done_.clear();
+      follow(triangle, apex, 0);
+      if (gained_ > 0) {
+        for (const Flip& f : done_) left.insert(left.end(), {f.triangle[0], f.triangle[1]});
+        return true;
+      }
+      while (!done_.empty()) undo();
+    }
+    return false;
+  }
+
+ private:
+  struct Flip {
+    std::array<std::size_t, 2> triangle;
+    std::array<std::array<std::uint32_t, 3>, 2> before;
+    std::uint32_t apex, a, b, opposite;
+  };
+  bool has(std::size_t t, std::uint32_t v) const {
+    const auto& c = triangles_[t];
+    return c[0] == v || c[1] == v || c[2] == v;
+  }
+  double folded_area(std::size_t t) const {
+    const auto& c = triangles_[t];
+    const Vec3 a = vertices_.at(c[0]),
+               twice = (vertices_.at(c[1]) - a).cross(vertices_.at(c[2]) - a);
+    return looks_well_(t, twice.normalized()) ? 0 : twice.norm();
+  }
+  void follow(std::size_t triangle, std::uint32_t apex, int depth) {
+    constexpr int kDeepest = 6;
+    if (depth > kDeepest || folded_area(triangle) == 0 || !flip(triangle, apex)) return;
+    const std::array<std::size_t, 2> both = done_.back().triangle;
+    for (const std::size_t t : both) follow(t, apex, depth + 1);
+  }
+  bool flip(std::size_t t, std::uint32_t apex) {
+    const auto own = triangles_[t];
+    const auto k = static_cast<std::size_t>(std::find(own.begin(), own.end(), apex) - own.begin());
+    const std::uint32_t a = own[(k + 1) % 3], b = own[(k + 2) % 3];
+    const auto& beside = about_[a];
+    const auto other = std::find_if(beside.begin(), beside.end(),
+                                    [&](std::size_t s) { return s != t && has(s, b); });
+    if (other == beside.end() || !may_flip_(t, *other, {a, b})) return false;
+    const std::size_t s = *other;
+    const auto its = triangles_[s];
+    const std::uint32_t opposite = its[0] + its[1] + its[2] - a - b;
+    const auto& joined = about_[apex];
+    if (opposite == apex ||
+        std::any_of(joined.begin(), joined.end(), [&](std::size_t u) { return has(u, opposite); }))
+      return false;
+    gained_ += folded_area(t) + folded_area(s);
+    triangles_[t] = {apex, a, opposite};
+    triangles_[s] = {apex, opposite, b};
+    gained_ -= folded_area(t) + folded_area(s);
+    std::erase(about_[b], t);
+    std::erase(about_[a], s);
+    about_[opposite].push_back(t);
+    about_[apex].push_back(s);
+    done_.push_back({{t, s}, {own, its}, apex, a, b, opposite});
+    return true;
+  }
+  void undo() {
+    const Flip& f = done_.back();
+    const auto [t, s] = f.triangle;
+    std::erase(about_[f.opposite], t);
+    std::erase(about_[f.apex], s);
+    about_[f.b].push_back(t);
+    about_[f.a].push_back(s);
+    for (int k = 0; k < 2; ++k) triangles_[f.triangle[k]] = f.before[k];
+    done_.pop_back();
+  }
+
+  CreaseVertices& vertices_;
+  std::vector<std::array<std::uint32_t, 3>>& triangles_;
+  const LooksWell& looks_well_;
+  const MayFlip& may_flip_;
+  std::unordered_map<std::uint32_t, std::vector<std::size_t>> about_;  // triangles at a vertex
+  double gained_ = 0;                                                  // of folded area, by these
+  std::vector<Flip> done_;
+};
+
+void CreaseVertices::flip_folded(const LooksWell& looks_well, const MayFlip& may_flip) {
+  constexpr int kPasses = 20;
+  const auto is_folded = [&](std::size_t t) { return !looks_well(t, normal(mesh_.triangles[t])); };
+  std::vector<std::size_t> folded;
+  for (const std::size_t t : moved_triangles())
+    if (is_folded(t)) folded.push_back(t);
+  if (folded.empty()) return;
+  Flips flips(*this, looks_well, may_flip, folded);
+  for (int pass = 0; pass < kPasses && !folded.empty(); ++pass) {
+    std::vector<std::size_t> left;
+    for (const std::size_t t : folded)
+      if (is_folded(t) && !flips.mend(t, left)) left.push_back(t);
+    folded = left;
+  }
 }
 
-// Whether a triangle looks elsewhere than all of the cut does there.
-bool CreaseVertices::sticks_out(const About& about, const Crease& crease) const {
-  return std::any_of(about.own.begin(), about.own.end(), [&](std::size_t t) {
-    std::array<Vec3, 3> at;
-    for (int k = 0; k < 3; ++k) at[k] = mesh_.vertices[mesh_.triangles[t][k]].cast<double>();
-    const Vec3 inward = (at[2] - at[0]).cross(at[1] - at[0]).normalized();
-    return std::none_of(crease.normals.begin(), crease.normals.end(),
-                        [&](const Vec3& normal) { return inward.dot(normal) > kOutward; });
+CreaseVertices::Bad CreaseVertices::bad_among(const std::vector<std::size_t>& triangles,
+                                              const Neighbours& neighbours,
+                                              const LooksWell& looks_well) const {
+  Bad bad(triangles.size());
+  tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t k) {
+    const std::size_t t = triangles[k];
+    if (!is_changed(t)) return;
+    if (!looks_well(t, normal(mesh_.triangles[t]))) bad[k] = {t};
+    for (const std::size_t other : neighbours.of(t))
+      if (cross(mesh_, t, other)) bad[k].insert(bad[k].end(), {t, other});
   });
+  std::erase_if(bad, [](const auto& its) { return its.empty(); });
+  return bad;
 }
 
-Vec3 CreaseVertices::middle_of_border(const Its& its, const About& about) const {
-  Vec3 sum = Vec3::Zero();
-  int count = 0;
-  for (const std::size_t t : about.own)
-    for (const std::uint32_t v : mesh_.triangles[t]) {
-      const Vec3 in = lattice_.to_index(mesh_.vertices[v].cast<double>()) - its.cell.cast<double>();
-      if (v == its.vertex || in.minCoeff() < -1e-3 || in.maxCoeff() > 1 + 1e-3) continue;
-      sum += in;
-      ++count;
+// The vertices of such triangles, those that divide first. False if there are none.
+bool CreaseVertices::move_back(const Bad& bad) {
+  std::vector<bool> to_move(its_.size());
+  bool any = false;
+  for (const auto& triangles : bad)
+    for (const bool dividing : {true, false}) {
+      bool found = false;
+      for (const std::size_t t : triangles)
+        for (const std::uint32_t v : mesh_.triangles[t])
+          if (index_[v] >= 0 && its_[index_[v]].part > 0 &&
+              its_[index_[v]].corners.empty() != dividing)
+            found = to_move[index_[v]] = true;
+      any = any || found;
+      if (found) break;
     }
-  return count == 0 ? its.crease->within : Vec3(its.cell.cast<double>() + sum / count);
+  for (std::size_t k = 0; k < its_.size(); ++k)
+    if (to_move[k]) its_[k].part -= kBackStep;
+  return any;
 }
 
-void CreaseVertices::move(const Its& its, const Vec3& to) {
-  mesh_.vertices[its.vertex] = (lattice_.origin + lattice_.voxel * to).cast<float>();
+// Back at their places in the mesh as it was, nothing crosses; so if some can't be mended otherwise,
+// the vertices there stay, and all is done again.
+void CreaseVertices::place(const LooksWell& looks_well, const MayFlip& may_flip) {
+  index_.assign(mesh_.vertices.size(), -1);
+  for (std::size_t k = 0; k < its_.size(); ++k)
+    index_[its_[k].vertex] = static_cast<std::int32_t>(k);
+  as_given_ = mesh_.triangles;
+  for (;;) {
+    const Bad bad = try_to_place(looks_well, may_flip);
+    if (bad.empty()) return;
+    std::vector<bool> there(mesh_.vertices.size());
+    for (const auto& its : bad)
+      for (const std::size_t t : its)
+        for (const std::uint32_t v : mesh_.triangles[t]) there[v] = true;
+    const std::vector<bool> at_bad = there;
+    for (const auto& t : mesh_.triangles)
+      if (at_bad[t[0]] || at_bad[t[1]] || at_bad[t[2]])
+        there[t[0]] = there[t[1]] = there[t[2]] = true;
+    bool any = false;
+    for (Its& its : its_)
+      if (there[its.vertex] && its.most > 0) {
+        its.most = 0;
+        any = true;
+      }
+    if (!any) return;
+    mesh_.triangles = as_given_;
+  }
+}
+
+// What still crosses when all are where they were.
+CreaseVertices::Bad CreaseVertices::try_to_place(const LooksWell& looks_well,
+                                                 const MayFlip& may_flip) {
+  const std::vector<FloatBox> its_reach = reach();
+  flip_folded(looks_well, may_flip);
+  const std::vector<std::size_t> all = moved_triangles();
+  Neighbours neighbours(mesh_, its_reach, voxel_);
+  neighbours.keep(all);
+  for (std::vector<std::size_t> changed = all;;) {
+    const Bad bad = bad_among(changed, neighbours, looks_well);
+    const std::vector<Eigen::Vector3f> before = mesh_.vertices;
+    if (!move_back(bad)) return bad_among(all, neighbours, looks_well);
+    put_all();
+    changed.clear();
+    for (const std::size_t t : all)
+      if (std::any_of(mesh_.triangles[t].begin(), mesh_.triangles[t].end(),
+                      [&](std::uint32_t v) { return mesh_.vertices[v] != before[v]; }))
+        changed.push_back(t);
+  }
 }
 
 }  // namespace toothprep

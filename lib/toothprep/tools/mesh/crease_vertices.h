@@ -1,49 +1,69 @@
-// Keeps a mesh free of self-intersections and folds about the vertices of its creases.
+// Vertices of a mesh that are moved to the creases of a cut, as far as the mesh stays free of
+// self-intersections and folds.
 //
-// A crease's vertex within its cell is joined to a border on the faces of that cell (and to such
-// vertices of its neighbours), so nothing there intersects. One in another cell can bring triangles
-// to cross: it is moved towards its own cell until none do. And where faces were not found well, a
-// vertex can stick out of the surface: it is moved to the middle of the border.
+// Before it was moved each vertex was on its way between lattice points, or on the edge or in the
+// triangle that it divides: there nothing intersects. Where one moves over the edge opposite, that
+// edge is replaced by the other diagonal of both its triangles. Vertices whose triangles still cross
+// others, or look elsewhere than the surface does, are moved back until none do.
 #pragma once
 
+#include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
-#include "toothprep/tools/mesh/creases.h"
 #include "toothprep/tools/mesh/surface.h"
-#include "toothprep/tools/mesh/two_fields.h"
 
 namespace toothprep {
 
 class CreaseVertices {
  public:
-  // `first_triangle`: of the triangles that each brick's cells gave, and the end.
-  CreaseVertices(TriangleMesh& mesh, const Lattice& lattice, const Fields& fields,
-                 std::vector<std::size_t> first_triangle);
-  void add(std::uint32_t vertex, const Index3& cell, const Crease& crease);
-  void keep_clear();
+  explicit CreaseVertices(TriangleMesh& mesh, double voxel) : mesh_(mesh), voxel_(voxel) {}
+  // A vertex of the mesh. Places are mm.
+  void add(std::uint32_t vertex, const Vec3& to);
+  // One that divides an edge or a triangle: its place there by the weights of the corners, which
+  // were added before if they are moved too.
+  void add_dividing(std::uint32_t vertex, const std::vector<std::uint32_t>& corners,
+                    const std::vector<double>& weights, const Vec3& to);
+  // Whether a triangle's normal (unit, out of the tooth) fits its surface.
+  using LooksWell = std::function<bool(std::size_t, const Vec3&)>;
+  // Whether the edge between two triangles may be replaced.
+  using MayFlip =
+      std::function<bool(std::size_t, std::size_t, const std::array<std::uint32_t, 2>&)>;
+  void place(const LooksWell& looks_well, const MayFlip& may_flip);
 
  private:
   struct Its {
     std::uint32_t vertex;
-    Index3 cell;
-    const Crease* crease;
-    double beyond;  // the part of the way from its cell to the crease
+    std::vector<std::uint32_t> corners;  // none: of the mesh
+    std::vector<double> weights;
+    Vec3 from, to;
+    double part;  // of the way
+    double most;  // of it
+    bool moved;   // or one of the corners is
   };
-  struct About {  // the triangles about one
-    std::vector<std::size_t> own, others;
-  };
-  About about(const Its& its) const;
-  bool crosses(const About& about) const;
-  bool sticks_out(const About& about, const Crease& crease) const;
-  Vec3 middle_of_border(const Its& its, const About& about) const;
-  void move(const Its& its, const Vec3& to);  // in voxels
+  class Neighbours;
+  class Flips;
+  Vec3 at(std::uint32_t vertex) const { return mesh_.vertices[vertex].cast<double>(); }
+  Vec3 normal(const std::array<std::uint32_t, 3>& triangle) const;
+  bool is_moved(std::uint32_t v) const { return index_[v] >= 0 && its_[index_[v]].moved; }
+  void put_all();
+  std::vector<Eigen::AlignedBox3f> reach();
+  bool is_changed(std::size_t triangle) const;
+  std::vector<std::size_t> moved_triangles() const;
+  void flip_folded(const LooksWell& looks_well, const MayFlip& may_flip);
+  using Bad = std::vector<std::vector<std::size_t>>;  // triangles that cross or look elsewhere
+  Bad bad_among(const std::vector<std::size_t>& triangles, const Neighbours& neighbours,
+                const LooksWell& looks_well) const;
+  bool move_back(const Bad& bad);
+  Bad try_to_place(const LooksWell& looks_well, const MayFlip& may_flip);
 
   TriangleMesh& mesh_;
-  const Lattice& lattice_;
-  const Fields& fields_;
-  std::vector<std::size_t> first_triangle_;
-  std::vector<Its> vertices_;
+  double voxel_;
+  std::vector<std::array<std::uint32_t, 3>> as_given_;  // the mesh's triangles
+  std::vector<Its> its_;
+  std::vector<std::int32_t> index_;  // among these, per vertex of the mesh, or -1
 };
 
 }  // namespace toothprep

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace toothprep {
@@ -25,8 +26,12 @@ constexpr double kLeastBend = 0.25;   // difference of slopes along an axis abou
 constexpr double kNoFace = 0.94;      // cosine between normals of different faces, 20 degrees
 constexpr double kRounded = 0.12;     // how deep under both faces a rounded edge may be
 constexpr double kUnexplained = 0.2;  // of a sample's distance
-constexpr double kNear = 0.5;         // between a crease and where it's looked for
-constexpr double kInset = 0.03;       // a crease's vertex from its cell's faces
+constexpr double kNear = 0.7;         // between the margin and where it's looked for
+constexpr double kFarthest = 1.3;     // between a crease and the edge that it crosses
+constexpr double kOffFace = 0.2;      // of the end of such an edge
+constexpr double kWellFit = 0.03;     // the same, where no other faces are asked for
+constexpr double kOnCrease = 0.02;    // from a face, of a point that lies on another
+constexpr double kOutward = 0.1;      // cosine between a triangle and a face of the cut about it
 
 }  // namespace
 
@@ -176,53 +181,30 @@ bool explain(const std::vector<CreaseFace>& faces, const CutSamples& s, bool rem
   return true;
 }
 
-// Two or three faces that explain the samples, of as many planes as can be; none if there are no
-// such.
-std::vector<CreaseFace> faces_of(const std::vector<SamplePlane>& planes, const CutSamples& s,
-                                 bool removed) {
-  std::vector<CreaseFace> all;
-  for (const auto& group : groups_of(planes)) all.push_back(fitted(group));
-  if (all.size() > 4) all.resize(4);
-  for (std::size_t count = std::min<std::size_t>(all.size(), 3); count >= 2; --count) {
-    std::vector<bool> taken(all.size());
-    std::fill_n(taken.begin(), count, true);
-    do {
-      std::vector<CreaseFace> faces;
-      for (std::size_t k = 0; k < all.size(); ++k)
-        if (taken[k]) faces.push_back(all[k]);
-      if (explain(faces, s, removed)) return faces;
-    } while (std::prev_permutation(taken.begin(), taken.end()));
-  }
+// So many faces that explain the samples, of as many planes as can be; none if there are no such.
+std::vector<CreaseFace> faces_of(const std::vector<CreaseFace>& all, std::size_t count,
+                                 const CutSamples& s, bool removed) {
+  if (all.size() < count) return {};
+  std::vector<bool> taken(all.size());
+  std::fill_n(taken.begin(), count, true);
+  do {
+    std::vector<CreaseFace> faces;
+    for (std::size_t k = 0; k < all.size(); ++k)
+      if (taken[k]) faces.push_back(all[k]);
+    if (explain(faces, s, removed)) return faces;
+  } while (std::prev_permutation(taken.begin(), taken.end()));
   return {};
 }
 
-// The nearest point in the cell and not on its faces.
-Vec3 within_cell(const Vec3& x) { return x.cwiseMax(kInset).cwiseMin(1 - kInset); }
-
-// The part of a line within a cell, as parameters; empty if first > second.
-std::array<double, 2> clipped(const Vec3& at, const Vec3& direction, const Index3& cell) {
-  double first = -1e9, last = 1e9;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double low = cell[axis] - at[axis];
-    if (std::abs(direction[axis]) < 1e-9) {
-      if (low > 0 || low < -1) return {1, 0};
-      continue;
-    }
-    const double a = low / direction[axis], b = (low + 1) / direction[axis];
-    first = std::max(first, std::min(a, b));
-    last = std::min(last, std::max(a, b));
-  }
-  return {first, last};
-}
-
-std::optional<Vec3> corner_of(const std::vector<CreaseFace>& f) {
-  Vec3 x = Vec3::Constant(0.5);
+// The point of three faces, looked for from a point.
+std::optional<Vec3> corner_of(const std::vector<CreaseFace>& f, const Vec3& from) {
+  Vec3 x = from;
   for (int step = 0; step < 4; ++step) {
     Eigen::Matrix3d m;
     m << f[0].gradient(x).transpose(), f[1].gradient(x).transpose(), f[2].gradient(x).transpose();
     if (std::abs(m.determinant()) < 0.2) return std::nullopt;
     x -= m.inverse() * Vec3(f[0].level(x), f[1].level(x), f[2].level(x));
-    if ((x - Vec3::Constant(0.5)).norm() > 3) return std::nullopt;
+    if ((x - from).norm() > 3) return std::nullopt;
   }
   return x;
 }
@@ -241,29 +223,19 @@ std::optional<Vec3> on_edge(const CreaseFace& a, const CreaseFace& b, const Vec3
   return x;
 }
 
-// The middle of the part of the edge between faces a and b that lies before the third face and in a
-// cell.
-std::optional<Vec3> edge_of(const std::vector<CreaseFace>& f, std::size_t a, std::size_t b,
-                            bool removed, const Index3& cell) {
-  const std::optional<Vec3> at = on_edge(f[a], f[b], Vec3::Constant(0.5));
-  if (!at) return std::nullopt;
-  const Vec3 direction = f[a].gradient(*at).cross(f[b].gradient(*at));
-  auto [first, last] = clipped(*at, direction, cell);
-  for (std::size_t c = 0; c < f.size(); ++c) {
-    if (c == a || c == b) continue;
-    // Beyond the third face is no edge: its level has to be negative for a convex one.
-    const double sign = removed ? 1 : -1, here = sign * f[c].level(*at),
-                 slope = sign * f[c].gradient(*at).dot(direction);
-    if (std::abs(slope) < 1e-9) {
-      if (here > 0) return std::nullopt;
-    } else if (slope > 0) {
-      last = std::min(last, -here / slope);
-    } else {
-      first = std::max(first, -here / slope);
-    }
+// The point of both faces on the way through a point in a direction that follows the second.
+std::optional<Vec3> met_on_way(const CreaseFace& face, const CreaseFace& tooth, const Vec3& from,
+                               const Vec3& direction) {
+  const Vec3 beside = direction.cross(tooth.gradient(from)).normalized();
+  Vec3 x = from;
+  for (int step = 0; step < 4; ++step) {
+    Eigen::Matrix3d m;
+    m << face.gradient(x).transpose(), tooth.gradient(x).transpose(), beside.transpose();
+    if (!(std::abs(m.determinant()) > 0.1)) return std::nullopt;
+    x -= m.inverse() * Vec3(face.level(x), tooth.level(x), beside.dot(x - from));
+    if ((x - from).norm() > 3) return std::nullopt;
   }
-  if (first > last) return std::nullopt;
-  return on_edge(f[a], f[b], *at + (first + last) / 2 * direction);
+  return x;
 }
 
 // Whether the edge of two faces is round: on the side from which it is reentrant, samples have
@@ -317,6 +289,12 @@ double CreaseFace::level(const Vec3& at) const {
          terms[4] * x * y - terms[5] * y * y / 2;
 }
 
+CreaseFace CreaseFace::shifted(double way) const {
+  CreaseFace face = *this;
+  face.terms[0] += way;
+  return face;
+}
+
 Vec3 CreaseFace::gradient(const Vec3& at) const {
   const Vec3 d = at - origin;
   const double x = d.dot(axis[0]), y = d.dot(axis[1]);
@@ -324,23 +302,21 @@ Vec3 CreaseFace::gradient(const Vec3& at) const {
          (terms[2] + terms[4] * x + terms[5] * y) * axis[1];
 }
 
-std::optional<double> Crease::crossing(const Index3& from, int axis) const {
-  const Vec3 a = from.cast<double>(), step = Vec3::Unit(axis);
-  for (const CreaseFace& face : faces) {
-    double here = face.level(a), there = face.level(a + step);
-    if ((here < 0) == (there < 0)) continue;
-    double t = here / (here - there);
-    for (int k = 0; k < 2; ++k) t -= face.level(a + t * step) / face.gradient(a + t * step)[axis];
-    if (!(t >= 0 && t <= 1)) continue;
-    const bool on_surface = std::all_of(faces.begin(), faces.end(), [&](const CreaseFace& other) {
-      return &other == &face || (other.level(a + t * step) <= 0) == convex;
-    });
-    if (on_surface) return t;
+std::optional<CreaseFace> face_near(const LevelSet& set, double voxel, const Index3& cell,
+                                    const Vec3& at) {
+  const CutSamples samples(set, voxel, cell);
+  std::vector<SamplePlane> planes = planes_of(samples, false);
+  const std::vector<SamplePlane> within = planes_of(samples, true);
+  planes.insert(planes.end(), within.begin(), within.end());
+  std::optional<CreaseFace> nearest;
+  for (const auto& group : groups_of(planes)) {
+    const CreaseFace face = fitted(group);
+    if (!nearest || std::abs(face.level(at)) < std::abs(nearest->level(at)) - 1e-3) nearest = face;
   }
-  return std::nullopt;
+  return nearest;
 }
 
-CreaseFinder::CreaseFinder(const LevelSet& cut, double voxel, const Index3& cell) : cell_(cell) {
+CreaseFinder::CreaseFinder(const LevelSet& cut, double voxel, const Index3& cell) {
   if (!bends(cut, voxel, cell)) return;
   samples_ = std::make_unique<CutSamples>(cut, voxel, cell);
   for (const bool removed : {false, true}) {
@@ -352,63 +328,159 @@ CreaseFinder::CreaseFinder(const LevelSet& cut, double voxel, const Index3& cell
   // Samples on the side from which an edge is convex know its faces best; but where there are few,
   // the others do.
   const auto add = [&](const std::vector<SamplePlane>& planes, bool convex) {
-    std::vector<CreaseFace> faces = faces_of(planes, *samples_, convex);
-    if (!faces.empty()) wedges_.push_back({std::move(faces), convex});
+    std::vector<CreaseFace> faces;
+    for (const auto& group : groups_of(planes)) faces.push_back(fitted(group));
+    if (faces.size() > 4) faces.resize(4);
+    for (const std::size_t count : {2, 3})
+      if (std::vector<CreaseFace> its = faces_of(faces, count, *samples_, convex); !its.empty())
+        wedges_.push_back({std::move(its), convex, 0});
   };
   for (const bool convex : {true, false}) add(planes_[convex], convex);
   for (const bool convex : {true, false}) add(planes_[!convex], convex);
   for (const bool convex : {true, false}) add(all, convex);
+  for (Wedge& wedge : wedges_) wedge.misfit = std::max(wedge.misfit_of(all), kWellFit * kWellFit);
+  std::stable_sort(wedges_.begin(), wedges_.end(), [](const Wedge& a, const Wedge& b) {
+    return std::pair(a.misfit, a.faces.size()) < std::pair(b.misfit, b.faces.size());
+  });
 }
 CreaseFinder::~CreaseFinder() = default;
+CreaseFinder::CreaseFinder(CreaseFinder&&) noexcept = default;
 
-std::optional<Crease> CreaseFinder::in(const Index3& cell) const {
-  const Index3 there = cell - cell_;
-  for (const auto& [faces, convex] : wedges_) {
-    const auto fits = [&](const std::optional<Vec3>& x) {
-      return x && (*x - there.cast<double>() - Vec3::Constant(0.5)).cwiseAbs().maxCoeff() < 0.55 &&
-             !samples_->clear_of_surface(*x, kWithinBall);
-    };
-    std::optional<Vec3> at;
-    if (faces.size() == 3) at = corner_of(faces);
-    for (std::size_t a = 0; !fits(at) && a < faces.size(); ++a)
-      for (std::size_t b = a + 1; !fits(at) && b < faces.size(); ++b) {
-        at = edge_of(faces, a, b, convex, there);
-        if (is_round(planes_[!convex], faces[a], faces[b], convex)) at.reset();
-      }
-    if (fits(at)) return crease_at(cell == cell_ ? within_cell(*at) : *at, faces, convex);
+// What was removed is where all faces of a convex edge have negative levels, or any of a reentrant
+// one.
+std::size_t CreaseFinder::Wedge::face_at(const Vec3& x) const {
+  std::size_t its = 0;
+  const double sign = convex ? 1 : -1;
+  for (std::size_t k = 1; k < faces.size(); ++k)
+    if (sign * faces[k].level(x) > sign * faces[its].level(x)) its = k;
+  return its;
+}
+
+bool CreaseFinder::Wedge::is_before(const Vec3& x, std::size_t face, double slack) const {
+  for (std::size_t k = 0; k < faces.size(); ++k)
+    if (k != face && (convex ? 1 : -1) * faces[k].level(x) > slack) return false;
+  return true;
+}
+
+// Mean square of the feet's distances.
+double CreaseFinder::Wedge::misfit_of(const std::vector<SamplePlane>& planes) const {
+  double sum = 0, weight = 0;
+  for (const SamplePlane& p : planes) {
+    const double level = faces[face_at(p.foot)].level(p.foot);
+    sum += p.weight * std::min(level * level, 0.25);
+    weight += p.weight;
+  }
+  return sum / weight;
+}
+
+Vec3 CreaseFinder::Wedge::middle(const Vec3& x) const {
+  Vec3 sum = Vec3::Zero();
+  for (const CreaseFace& face : faces) sum += face.gradient(x).normalized();
+  return sum;
+}
+
+std::optional<double> CreaseFinder::crossing(const Vec3& a, const Vec3& b) const {
+  for (const Wedge& wedge : wedges_)
+    for (std::size_t k = 0; k < wedge.faces.size(); ++k) {
+      const CreaseFace& face = wedge.faces[k];
+      const double here = face.level(a), there = face.level(b);
+      if ((here < 0) == (there < 0)) continue;
+      double t = here / (here - there);
+      for (int n = 0; n < 2; ++n)
+        t -= face.level(a + t * (b - a)) / face.gradient(a + t * (b - a)).dot(b - a);
+      if (t >= 0 && t <= 1 && wedge.is_before(a + t * (b - a), k, 1e-9)) return t;
+    }
+  return std::nullopt;
+}
+
+std::optional<Vec3> CreaseFinder::on_margin(const Vec3& x, const CreaseFace& tooth) const {
+  for (const Wedge& wedge : wedges_) {
+    std::optional<Vec3> nearest;
+    for (std::size_t k = 0; k < wedge.faces.size(); ++k) {
+      const std::optional<Vec3> at = met_on_way(wedge.faces[k], tooth, x, wedge.middle(x));
+      if (at && (*at - x).norm() < (nearest ? (*nearest - x).norm() : kNear) &&
+          wedge.is_before(*at, k, 1e-9))
+        nearest = at;
+    }
+    if (nearest) return nearest;
   }
   return std::nullopt;
 }
 
-std::optional<Crease> CreaseFinder::near(const Vec3& x) const {
-  const Vec3 from = x - cell_.cast<double>();
-  for (const auto& [faces, convex] : wedges_)
-    for (std::size_t a = 0; a < faces.size(); ++a)
-      for (std::size_t b = a + 1; b < faces.size(); ++b) {
-        const std::optional<Vec3> at = on_edge(faces[a], faces[b], from);
-        if (at && (*at - from).norm() < kNear && !samples_->clear_of_surface(*at, kWithinBall) &&
-            !is_round(planes_[!convex], faces[a], faces[b], convex))
-          return crease_at(*at, faces, convex);
-      }
+std::optional<Vec3> CreaseFinder::out_of_cut(const Vec3& x, const CreaseFace& tooth) const {
+  const Wedge& wedge = wedges_.front();
+  const auto distance = [&](const Vec3& at) { return wedge.faces[wedge.face_at(at)].level(at); };
+  if (distance(x) >= kClear) return std::nullopt;
+  const double clear = cleared(distance(x));
+  std::optional<Vec3> nearest;
+  for (const CreaseFace& face : wedge.faces) {
+    const std::optional<Vec3> at = met_on_way(face.shifted(clear), tooth, x, wedge.middle(x));
+    if (at && (*at - x).norm() < (nearest ? (*nearest - x).norm() : kNear) &&
+        distance(*at) > 0.9 * clear)
+      nearest = at;
+  }
+  return nearest;
+}
+
+std::optional<EdgeAtCrease> CreaseFinder::edge(const Vec3& u, const Vec3& v,
+                                               const CreaseFace* tooth) const {
+  std::optional<EdgeAtCrease> best;
+  for (const Wedge& wedge : wedges_) {
+    const std::optional<EdgeAtCrease> its = edge(wedge, u, v, tooth);
+    if (its && (!best || its->misfit < best->misfit - kWellFit)) best = its;
+    if (best && best->misfit < kWellFit) break;
+  }
+  return best;
+}
+
+std::optional<EdgeAtCrease> CreaseFinder::edge(const Wedge& wedge, const Vec3& u, const Vec3& v,
+                                               const CreaseFace* tooth) const {
+  const std::size_t a = wedge.face_at(u), b = wedge.face_at(v);
+  const CreaseFace &at_u = wedge.faces[a], &at_v = wedge.faces[b];
+  EdgeAtCrease edge{std::max(std::abs(at_u.level(u)), std::abs(at_v.level(v))),
+                    false,
+                    {false, false},
+                    0.5,
+                    u,
+                    false};
+  if (edge.misfit > kOffFace) return std::nullopt;
+  const double from_u = std::abs(at_v.level(u)), from_v = std::abs(at_u.level(v));
+  if (a == b) return edge;
+  edge.on_crease = {from_u < kOnCrease, from_v < kOnCrease};
+  if (edge.on_crease[0] || edge.on_crease[1]) return edge;
+  edge.part = from_u / (from_u + from_v);
+  const Vec3 middle = u + edge.part * (v - u);
+  const std::optional<Vec3> at =
+      tooth != nullptr ? corner_of({*tooth, at_u, at_v}, middle) : on_edge(at_u, at_v, middle);
+  if (!at) return std::nullopt;
+  edge.at = *at;
+  for (std::size_t c = 0; tooth == nullptr && c < wedge.faces.size(); ++c)
+    if (c != a && c != b && (wedge.convex ? 1 : -1) * wedge.faces[c].level(edge.at) > 0) {
+      const std::optional<Vec3> corner = corner_of(wedge.faces, middle);
+      if (!corner) return std::nullopt;
+      edge.at = *corner;
+      edge.is_corner = true;
+    }
+  if ((edge.at - middle).norm() > kFarthest || samples_->clear_of_surface(edge.at, kWithinBall) ||
+      is_round(planes_[!wedge.convex], at_u, at_v, wedge.convex))
+    return std::nullopt;
+  edge.crossed = true;
+  return edge;
+}
+
+std::optional<Vec3> CreaseFinder::corner(const Vec3& x) const {
+  for (const Wedge& wedge : wedges_) {
+    if (wedge.faces.size() != 3) continue;
+    const std::optional<Vec3> at = corner_of(wedge.faces, x);
+    if (at && (*at - x).norm() < kFarthest && !samples_->clear_of_surface(*at, kWithinBall))
+      return at;
+  }
   return std::nullopt;
 }
 
-Crease CreaseFinder::crease_at(const Vec3& at, const std::vector<CreaseFace>& faces,
-                               bool convex) const {
-  const Vec3 cell = cell_.cast<double>();
-  Crease crease;
-  crease.convex = convex;
-  crease.faces = faces;
-  crease.normals = normals_;
-  crease.at = cell + at;
-  crease.within = cell + within_cell(at);
-  crease.into = Vec3::Zero();
-  for (CreaseFace& f : crease.faces) {
-    crease.into += (convex ? -1 : 1) * f.gradient(at).normalized();
-    f.origin += cell;
-  }
-  crease.into.normalize();
-  return crease;
+bool CreaseFinder::faces_towards(const Vec3& direction) const {
+  return std::any_of(normals_.begin(), normals_.end(),
+                     [&](const Vec3& normal) { return direction.dot(normal) > kOutward; });
 }
 
 }  // namespace toothprep

@@ -1,6 +1,7 @@
 #include "toothprep/tools/mesh/crossing_triangles.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace toothprep {
 namespace {
@@ -11,8 +12,31 @@ double volume(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
   return (b - a).cross(c - a).dot(d - a);
 }
 
+constexpr double kFlat = 1e-6;  // mm: vertices as near to a plane as their rounding lie in it
+
+// In the plane of a triangle with this normal: whether a segment passes through its inside.
+bool segment_crosses_in_plane(const Vec3& p, const Vec3& q, const std::array<Vec3, 3>& t,
+                              const Vec3& normal) {
+  // Not if all of the triangle is beside the segment, or all of the segment beside one of its edges.
+  const auto side = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
+    return (b - a).cross(c - a).dot(normal) / (b - a).norm();
+  };
+  std::array<double, 3> corner;
+  for (int k = 0; k < 3; ++k) corner[k] = side(p, q, t[k]);
+  if (*std::min_element(corner.begin(), corner.end()) > -kFlat ||
+      *std::max_element(corner.begin(), corner.end()) < kFlat)
+    return false;
+  for (int k = 0; k < 3; ++k)
+    if (std::max(side(t[k], t[(k + 1) % 3], p), side(t[k], t[(k + 1) % 3], q)) < kFlat)
+      return false;
+  return true;
+}
+
 bool segment_crosses(const Vec3& p, const Vec3& q, const std::array<Vec3, 3>& t) {
   const double above = volume(t[0], t[1], t[2], p), below = volume(t[0], t[1], t[2], q);
+  const Vec3 normal = (t[1] - t[0]).cross(t[2] - t[0]);
+  if (const double flat = kFlat * normal.norm(); std::abs(above) < flat && std::abs(below) < flat)
+    return flat > 0 && segment_crosses_in_plane(p, q, t, normal.normalized());
   if (above * below > 0 || (above == 0 && below == 0)) return false;
   const std::array<double, 3> side = {volume(p, q, t[0], t[1]), volume(p, q, t[1], t[2]),
                                       volume(p, q, t[2], t[0])};

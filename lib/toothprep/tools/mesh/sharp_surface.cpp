@@ -11,8 +11,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/tooth/cell_cases.h"
 #include "toothprep/step/tooth/tissue_under.h"
-#include "toothprep/tools/mesh/crease_vertices.h"
-#include "toothprep/tools/mesh/cut_creases.h"
+#include "toothprep/tools/mesh/crease_division.h"
 #include "toothprep/tools/mesh/pyramid_loops.h"
 #include "toothprep/tools/mesh/two_fields.h"
 
@@ -20,8 +19,8 @@ namespace toothprep {
 namespace {
 
 // Codes of vertices: of edges from 0 (direction - 1, and 7 more for g), of faces, of the ways from
-// a cell's corners to its middle (the corner, and 8 more for g), of the crease in a cell.
-constexpr int kFaceCodes = 14, kMiddleCodes = kFaceCodes + 49, kCreaseCode = kMiddleCodes + 16;
+// a cell's corners to its middle (the corner, and 8 more for g).
+constexpr int kFaceCodes = 14, kMiddleCodes = kFaceCodes + 49;
 constexpr std::uint64_t kCodes = 128;
 
 // The six tetrahedra of a cell run along its edges from corner 0 to corner 7, an axis after
@@ -38,8 +37,8 @@ constexpr std::array<Tetrahedron, 6> kTetrahedra = {{{{0, 1, 3, 7}, true},
                                                      {{0, 4, 6, 7}, false}}};
 
 // Vertices are named by a voxel, counted from the box's lower corner, and a code: of the edge from
-// there that crosses a field, of the face from there on which both are zero, of the way to the
-// middle of the cell there that crosses a field, or of that cell's crease.
+// there that crosses a field, of the face from there on which both are zero, or of the way to the
+// middle of the cell there that crosses a field.
 class Names {
  public:
   explicit Names(const Fields& fields)
@@ -54,8 +53,6 @@ class Names {
   std::uint64_t of_middle(const Index3& cell, int corner, int field) const {
     return name(cell, kMiddleCodes + 8 * field + corner);
   }
-  std::uint64_t of_crease(const Index3& cell) const { return name(cell, kCreaseCode); }
-  static bool is_crease(std::uint64_t name) { return name % kCodes == kCreaseCode; }
   Index3 voxel(std::uint64_t name) const {
     const std::uint64_t v = name / kCodes, y = static_cast<std::uint64_t>(counts_.y()),
                         z = static_cast<std::uint64_t>(counts_.z());
@@ -76,7 +73,13 @@ class Names {
 // What one brick's cells add.
 struct Piece {
   std::vector<std::array<std::uint64_t, 3>> triangles;
-  std::vector<std::array<std::uint64_t, 2>> margin, creases;
+  std::vector<bool> on_cut;  // per triangle: of g
+  std::vector<std::array<std::uint64_t, 2>> margin;
+
+  void add(const std::array<std::uint64_t, 3>& triangle, int field) {
+    triangles.push_back(triangle);
+    on_cut.push_back(field == 1);
+  }
 };
 
 struct Edge {  // of a tetrahedron: corners in its order, from < to
@@ -158,8 +161,7 @@ void add_polygon(const Index3& cell, const Tetrahedron& t, const Corners& s, int
         names.of_face(cell, t.corner[corners[0]], t.corner[corners[1]], t.corner[corners[2]]);
     ++vertices;
   }
-  for (int k = 1; k + 1 < vertices; ++k)
-    piece.triangles.push_back({vertex[0], vertex[k], vertex[k + 1]});
+  for (int k = 1; k + 1 < vertices; ++k) piece.add({vertex[0], vertex[k], vertex[k + 1]}, field);
   if (field == 0 && crossings == 2) piece.margin.push_back({crossing[0], crossing[1]});
 }
 
@@ -194,8 +196,8 @@ void add_cube(const Index3& cell, const CellValues& corner, int field, const Nam
     }
     const int apex = fan_apex(loop, values);
     for (int d = 1; d < loop.size - 1; ++d)
-      piece.triangles.push_back(
-          {vertex[apex], vertex[(apex + d) % loop.size], vertex[(apex + d + 1) % loop.size]});
+      piece.add({vertex[apex], vertex[(apex + d) % loop.size], vertex[(apex + d + 1) % loop.size]},
+                field);
   }
 }
 
@@ -215,8 +217,7 @@ void add_pyramids(const Index3& cell, const CellValues& corner, int field, unsig
                                 : names.of_edge(cell, a, b, field);
       };
       for (int d = 1; d < loop.size - 1; ++d)
-        piece.triangles.push_back(
-            {vertex(loop.apex), vertex(loop.apex + d), vertex(loop.apex + d + 1)});
+        piece.add({vertex(loop.apex), vertex(loop.apex + d), vertex(loop.apex + d + 1)}, field);
     }
   };
   for (int axis = 0; axis < 3; ++axis)
@@ -231,26 +232,8 @@ void add_pyramids(const Index3& cell, const CellValues& corner, int field, unsig
     }
 }
 
-// A cell with a crease: its surface's border on the cell's faces is joined to the crease's point.
-// If the neighbour behind a face has one too, both points are joined across the face in place of
-// the border there.
-void add_creased(const Index3& cell, const CellValues& corner, unsigned divided,
-                 const CutCreases& creases, const Names& names, Piece& piece) {
-  const std::uint64_t point = names.of_crease(cell);
-  for (const Segment& s : segments_on_faces(negative_corners(corner, 1), divided)) {
-    const auto vertex = [&](int end) {
-      return names.of_edge(cell, s.edge[end][0], s.edge[end][1], 1);
-    };
-    const Index3 neighbour = cell + (2 * (s.face % 2) - 1) * Index3::Unit(s.face / 2);
-    const bool joined = s.lone && creases.at(neighbour) != nullptr;
-    const std::uint64_t other = joined ? names.of_crease(neighbour) : vertex(1);
-    piece.triangles.push_back({point, vertex(0), other});
-    if (joined && s.face % 2 == 1) piece.creases.push_back({point, other});
-  }
-}
-
-Piece piece_of(const BrickSamples& samples, const Fields& fields, const CutCreases& creases,
-               const Names& names, const Index3& first) {
+Piece piece_of(const BrickSamples& samples, const Fields& fields, const Names& names,
+               const Index3& first) {
   Piece piece;
   for (int v = 0; v < kBrickVoxels; ++v) {
     const Index3 at(v >> 6, v >> 3 & 7, v & 7);
@@ -263,9 +246,7 @@ Piece piece_of(const BrickSamples& samples, const Fields& fields, const CutCreas
     }
     const int field = kind == CellKind::kIntact ? 0 : 1;
     const unsigned divided = samples.divided_faces(at);
-    if (field == 1 && creases.at(first + at) != nullptr)
-      add_creased(first + at, corner, divided, creases, names, piece);
-    else if (divided != 0)
+    if (divided != 0)
       add_pyramids(first + at, corner, field, divided, fields, names, piece);
     else
       add_cube(first + at, corner, field, names, piece);
@@ -298,58 +279,16 @@ Vertex vertex_to_middle(const LayeredTooth& tooth, const Fields& fields, const I
   return vertex;
 }
 
-// Of a crease.
-Vertex vertex_of_crease(const LayeredTooth& tooth, const Fields& fields, const Crease& crease,
-                        const Index3& cell) {
-  int deepest = 0;
-  const auto depth = [&](int corner) { return fields.at(cell + corner_offset(corner))[1]; };
-  for (int c = 1; c < 8; ++c)
-    if (depth(c) < depth(deepest)) deepest = c;
-  return {crease.at, tissue_under(tooth, cell + corner_offset(deepest),
-                                  cell + corner_offset(7 - deepest), 0.5)};
-}
-
-// Where the cut crosses an edge of the lattice, 0 to 1: by the faces of the creases in the cells
-// about it, if they have any, else by linear interpolation. Where the margin is in one of these
-// cells it's linear too, as it is there.
-double crossing_of_cut(const Fields& fields, const CutCreases& creases, const Index3& voxel,
-                       int axis, double here, double there, double voxel_size) {
-  const double linear = here / (here - there);
-  double sum = 0;
-  int count = 0;
-  for (int k = 0; k < 4; ++k) {
-    const Index3 cell =
-        voxel - (k & 1) * Index3::Unit((axis + 1) % 3) - (k >> 1) * Index3::Unit((axis + 2) % 3);
-    if (fields.kind(cell) == CellKind::kMargin) return linear;
-    const Crease* crease = creases.at(cell);
-    if (crease == nullptr) continue;
-    if (const std::optional<double> t = crease->crossing(voxel, axis)) {
-      sum += *t;
-      ++count;
-    }
-  }
-  if (count == 0) return linear;
-  // The surface is no nearer to a voxel than its sample says.
-  const double least = std::max(std::abs(here) / voxel_size, kEdgeMargin),
-               most = std::min(1 - std::abs(there) / voxel_size, 1 - kEdgeMargin);
-  return least < most ? std::clamp(sum / count, least, most) : linear;
-}
-
-Vertex vertex_of(const LayeredTooth& tooth, const Fields& fields, const CutCreases& creases,
-                 const Names& names, std::uint64_t name) {
+Vertex vertex_of(const LayeredTooth& tooth, const Fields& fields, const Names& names,
+                 std::uint64_t name) {
   const Index3 a = names.voxel(name);
   const auto code = static_cast<int>(name % kCodes);
-  if (code == kCreaseCode) return vertex_of_crease(tooth, fields, *creases.at(a), a);
   if (code >= kMiddleCodes)
     return vertex_to_middle(tooth, fields, a, (code - kMiddleCodes) % 8, (code - kMiddleCodes) / 8);
   if (code < kFaceCodes) {
     const int field = code / 7;
-    const Index3 step = corner_offset(code % 7 + 1), b = a + step;
-    const double u = fields.at(a)[field], v = fields.at(b)[field];
-    const double t = field == 1 && step.sum() == 1
-                         ? crossing_of_cut(fields, creases, a, step.y() + 2 * step.z(), u, v,
-                                           tooth.lattice.voxel)
-                         : u / (u - v);
+    const Index3 b = a + corner_offset(code % 7 + 1);
+    const double u = fields.at(a)[field], v = fields.at(b)[field], t = u / (u - v);
     return {a.cast<double>() + t * (b - a).cast<double>(),
             u < 0 ? tissue_under(tooth, a, b, t) : tissue_under(tooth, b, a, 1 - t)};
   }
@@ -375,28 +314,36 @@ Vertex vertex_of(const LayeredTooth& tooth, const Fields& fields, const CutCreas
       tissue_under(tooth, corner[inside], corner[outside], 0)};
 }
 
+// The ends of the way on which a vertex of one field was found, in voxels.
+std::array<Vec3, 2> way_of(const Names& names, std::uint64_t name) {
+  const Index3 a = names.voxel(name);
+  const auto code = static_cast<int>(name % kCodes);
+  if (code < kFaceCodes)
+    return {a.cast<double>(), (a + corner_offset(code % 7 + 1)).cast<double>()};
+  return {(a + corner_offset((code - kMiddleCodes) % 8)).cast<double>(),
+          a.cast<double>() + Vec3::Constant(0.5)};
+}
+
 }  // namespace
 
 SharpSurface extract_sharp_surface(const LayeredTooth& tooth) {
   if (!tooth.parts) throw Error("the tooth's cut isn't known, so its margin isn't either");
   const Fields fields(tooth);
   const Names names(fields);
-  const CutCreases creases(fields, tooth);
   std::vector<Piece> pieces(fields.bricks());
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t b) {
     const Index3 first = fields.brick_origin(b);
     if (fields.may_pass(first))
-      pieces[b] = piece_of(BrickSamples(fields, first), fields, creases, names, first);
+      pieces[b] = piece_of(BrickSamples(fields, first), fields, names, first);
   });
 
   std::vector<std::array<std::uint64_t, 3>> triangles;
-  std::vector<std::array<std::uint64_t, 2>> margin, crease_edges;
-  std::vector<std::size_t> first_triangle;
+  std::vector<std::array<std::uint64_t, 2>> margin;
+  std::vector<bool> on_cut;
   for (const Piece& piece : pieces) {
-    first_triangle.push_back(triangles.size());
     triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
     margin.insert(margin.end(), piece.margin.begin(), piece.margin.end());
-    crease_edges.insert(crease_edges.end(), piece.creases.begin(), piece.creases.end());
+    on_cut.insert(on_cut.end(), piece.on_cut.begin(), piece.on_cut.end());
   }
   if (triangles.size() > std::numeric_limits<std::int32_t>::max() / 3)
     throw Error("the surface has " + std::to_string(triangles.size()) +
@@ -417,22 +364,16 @@ SharpSurface extract_sharp_surface(const LayeredTooth& tooth) {
   mesh.tissue.resize(used.size());
   mesh.triangles.resize(triangles.size());
   tbb::parallel_for(std::size_t{0}, used.size(), [&](std::size_t v) {
-    const Vertex vertex = vertex_of(tooth, fields, creases, names, used[v]);
+    const Vertex vertex = vertex_of(tooth, fields, names, used[v]);
     mesh.vertices[v] = (tooth.lattice.origin + tooth.lattice.voxel * vertex.at).cast<float>();
     mesh.tissue[v] = vertex.tissue;
   });
   tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t t) {
     for (int k = 0; k < 3; ++k) mesh.triangles[t][k] = number(triangles[t][k]);
   });
-  first_triangle.push_back(triangles.size());
-  CreaseVertices crease_vertices(mesh, tooth.lattice, fields, std::move(first_triangle));
-  for (std::size_t v = 0; v < used.size(); ++v)
-    if (const Index3 cell = names.voxel(used[v]); Names::is_crease(used[v]))
-      crease_vertices.add(static_cast<std::uint32_t>(v), cell, *creases.at(cell));
-  crease_vertices.keep_clear();
   for (const auto& edge : margin) surface.margin.push_back({number(edge[0]), number(edge[1])});
-  for (const auto& edge : crease_edges)
-    surface.creases.push_back({number(edge[0]), number(edge[1])});
+  divide_at_creases(surface, tooth, fields, std::move(on_cut),
+                    [&](std::uint32_t v) { return way_of(names, used[v]); });
   return surface;
 }
 

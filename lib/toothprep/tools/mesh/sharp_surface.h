@@ -19,9 +19,8 @@
 // by the sine of the angle between both surfaces.
 //
 // Line angles of the cut (where a cavity's floor meets its wall, or two passes left a ridge) are
-// sharp too: creases.h finds them in the cut's samples, and a cell with one has a vertex on it,
-// which is joined to the border of its surface on the cell's faces and, across a face, to the next
-// cell's (extended marching cubes: Kobbelt, Botsch, Schwanecke and Seidel, SIGGRAPH 2001: 57-66).
+// sharp too: creases.h finds the faces in the cut's samples, and crease_division.h divides the
+// edges and triangles that reach from one face to the next, also on the margin.
 // Creases of the tooth itself are bevelled within a voxel, as in extract_surface().
 #pragma once
 
