@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "toothprep/step/grinding/contact_frame.h"
 
@@ -40,7 +41,8 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   found_.assign(n, Found::kVoid);
   standing_.resize(n);
   cells_.resize(n);
-  near_.resize(n), far_.resize(n), tissues_.resize(n);
+  near_.resize(n), far_.resize(n);
+  fields_.resize(n), tissues_.resize(n);
   settled_.assign(n, -1);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);
@@ -248,19 +250,19 @@ int ContactModel::choose(const Scan& scan) noexcept {
   std::int32_t* worth = worth_.data();
 #pragma omp simd
   for (int i = 0; i < n; ++i)
-    worth[i] &= static_cast<std::int32_t>(found[i]) != 0 || left[i] < 0 ? 1 : 0;
-  int candidates = 0, looks = 0;
+    worth[i] &= (static_cast<std::int32_t>(found[i]) != 0 ? 1 : 0) | (left[i] < 0 ? 1 : 0);
+  std::int32_t *const candidates = candidates_.data(), *const to_look = to_look_.data();
+  int count = 0, looks = 0;
   for (int i = 0; i < n; ++i) {
-    candidates_[candidates] = i;
-    candidates += worth[i];
+    candidates[count] = i;
+    count += worth[i];
   }
-  for (int c = 0; c < candidates; ++c) {
-    to_look_[looks] = candidates_[c];
-    looks += left[candidates_[c]] < 0 ? 1 : 0;
+  for (int k = 0; k < count; ++k) {
+    to_look[looks] = candidates[k];
+    looks += left[candidates[k]] < 0 ? 1 : 0;
   }
-  for (int l = 0; l < looks; l += kPieces)
-    look(scan, to_look_.data() + l, std::min(kPieces, looks - l));
-  return candidates;
+  for (int l = 0; l < looks; l += kPieces) look(scan, to_look + l, std::min(kPieces, looks - l));
+  return count;
 }
 
 // Of the candidates, adds those that are engaged as a whole and advance with every velocity that
@@ -268,7 +270,11 @@ int ContactModel::choose(const Scan& scan) noexcept {
 int ContactModel::add_advancing(const Scan& scan, int candidates) noexcept {
   if (scan.turns || !contact_.is_linear()) return candidates;
   const float margin = kMarginSine * scan.speed;
+  const float *advance = advance_.data(), *range = range_.data();
+  const Found* found = found_.data();
+  const Standing* standing = standing_.data();
   std::int32_t* const run = to_look_.data();  // of one tissue
+  std::int32_t* const chosen = candidates_.data();
   int others = 0, count = 0;
   std::uint8_t only = 0;
   const auto add_run = [&] {
@@ -276,13 +282,13 @@ int ContactModel::add_advancing(const Scan& scan, int candidates) noexcept {
     count = 0;
   };
   for (int c = 0; c < candidates; ++c) {
-    const std::int32_t i = candidates_[c];
-    if (found_[i] != Found::kInside || !(advance_[i] - range_[i] - margin > 0)) {
-      candidates_[others++] = i;
+    const std::int32_t i = chosen[c];
+    if (found[i] != Found::kInside || !(advance[i] - range[i] - margin > 0)) {
+      chosen[others++] = i;
       continue;
     }
-    if (standing_[i].only != only) add_run();
-    only = standing_[i].only;
+    if (standing[i].only != only) add_run();
+    only = standing[i].only;
     run[count++] = i;
   }
   add_run();
@@ -330,53 +336,56 @@ bool ContactModel::covers(const Vec3& v) const noexcept {
 
 namespace {
 
-// The area, and into `least` the least value of max(tooth, cut), or less, at the voxels that are
-// nearest to the middles.
-double look_for_area(const SurfaceElements& elements, const Workpiece& workpiece, const Pose& pose,
-                     float& least) noexcept {
-  const ContactModel::IndexFrame f(workpiece.lattice(), pose);
+// max(tooth, cut) at the voxel nearest to the middle of element i, which will do for a report; where
+// the tooth has no tissue its own value.
+float value_at(const SurfaceElements& e, std::size_t i, const Workpiece& workpiece,
+               const ContactModel::IndexFrame& f) noexcept {
   const float* a = f.a;
-  double area = 0;
-  for (std::size_t i = 0; i < elements.size(); ++i) {
-    // The nearest voxel will do for a report.
-    const float x = f.fx + a[0] * elements.x[i] + a[1] * elements.y[i] + a[2] * elements.z[i];
-    const float y = f.fy + a[3] * elements.x[i] + a[4] * elements.y[i] + a[5] * elements.z[i];
-    const float z = f.fz + a[6] * elements.x[i] + a[7] * elements.y[i] + a[8] * elements.z[i];
-    const Index3 v(f.base.x() + cell_of(x + 0.5f), f.base.y() + cell_of(y + 0.5f),
-                   f.base.z() + cell_of(z + 0.5f));
-    float value = workpiece.tooth().solid.value(v.x(), v.y(), v.z());
-    if (value < 0) value = workpiece.cut().value(v.x(), v.y(), v.z());
-    if (value < 0) area += elements.area[i];
-    least = std::min(least, value);
-  }
-  return area;
+  const float x = f.fx + a[0] * e.x[i] + a[1] * e.y[i] + a[2] * e.z[i];
+  const float y = f.fy + a[3] * e.x[i] + a[4] * e.y[i] + a[5] * e.z[i];
+  const float z = f.fz + a[6] * e.x[i] + a[7] * e.y[i] + a[8] * e.z[i];
+  const Index3 v(f.base.x() + cell_of(x + 0.5f), f.base.y() + cell_of(y + 0.5f),
+                 f.base.z() + cell_of(z + 0.5f));
+  const float value = workpiece.tooth().solid.value(v.x(), v.y(), v.z());
+  return value < 0 ? workpiece.cut().value(v.x(), v.y(), v.z()) : value;
 }
 
 }  // namespace
 
 double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,
                       const Pose& pose) noexcept {
-  float least = 0;
-  return look_for_area(elements, workpiece, pose, least);
+  const ContactModel::IndexFrame f(workpiece.lattice(), pose);
+  double area = 0;
+  for (std::size_t i = 0; i < elements.size(); ++i)
+    if (value_at(elements, i, workpiece, f) < 0) area += elements.area[i];
+  return area;
 }
 
-AreaInTissue::AreaInTissue(const SurfaceElements& elements) : elements_(elements) {
+AreaInTissue::AreaInTissue(const SurfaceElements& elements)
+    : elements_(elements), stands_(elements.size(), 0) {
   for (std::size_t i = 0; i < elements.size(); ++i)
     arm_ = std::max(arm_, Vec3(elements.x[i], elements.y[i], elements.z[i]).norm());
 }
 
 double AreaInTissue::at(const Workpiece& workpiece, const Pose& pose) noexcept {
-  if (stands_ > 0) {
-    const bool turned = pose.orientation.coeffs() != looked_at_.orientation.coeffs();
-    const double turn = turned ? pose.orientation.angularDistance(looked_at_.orientation) : 0;
-    if ((pose.position - looked_at_.position).norm() + turn * arm_ < stands_) return 0;
-  }
-  float least = workpiece.band();
-  const double area = look_for_area(elements_, workpiece, pose, least);
-  // A middle and its nearest voxel are half a diagonal apart, then and now.
-  stands_ =
-      area > 0 ? 0 : kStands * (static_cast<double>(least) - std::sqrt(3.0) * workpiece.voxel());
+  const bool turned = pose.orientation.coeffs() != looked_at_.orientation.coeffs();
+  const double turn = turned ? pose.orientation.angularDistance(looked_at_.orientation) : 0;
+  way_ += (pose.position - looked_at_.position).norm() + turn * arm_;
   looked_at_ = pose;
+  if (way_ < all_stand_) return 0;
+  const ContactModel::IndexFrame f(workpiece.lattice(), pose);
+  // A middle and its nearest voxel are half a diagonal apart, then and now.
+  const double apart = std::sqrt(3.0) * workpiece.voxel();
+  double area = 0;
+  all_stand_ = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    if (!(way_ < stands_[i])) {
+      const double value = value_at(elements_, i, workpiece, f);
+      if (value < 0) area += elements_.area[i];
+      stands_[i] = way_ + kStands * (std::min<double>(value, workpiece.band()) - apart);
+    }
+    all_stand_ = std::min(all_stand_, stands_[i]);
+  }
   return area;
 }
 

@@ -114,7 +114,7 @@ class ContactModel {
   void look_for_tissue(const Scan& scan, int lane, Look& look) noexcept;
   void note_found(const Scan& scan, int lane, const Look& look) noexcept;
   float look_for_tissue(const Scan& scan, int i, const Index3& cell, const Eigen::Vector3f& at,
-                        const Eigen::Vector3f& ahead, Standing& standing) const noexcept;
+                        const Eigen::Vector3f& ahead, Standing& standing) noexcept;
   void add_whole(const Scan& scan, int i, int tissue, float share) noexcept;
   void divide(const Scan& scan, int i) noexcept;
   void feed(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
@@ -157,6 +157,8 @@ class ContactModel {
   // surface and farther ahead.
   std::vector<KeptCell> cells_;
   std::vector<KeptCells> near_, far_;
+  // Of the tooth's own fields: of each element's middle, and of its pieces.
+  std::vector<KeptFields> fields_;
   std::vector<KeptTissues> tissues_;
   // Of a sample: v·n, half its range over the element, and 1 where it is worth a look.
   std::vector<float> advance_, range_;
@@ -175,9 +177,9 @@ class ContactModel {
 double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiece,
                       const Pose& pose) noexcept;
 
-// The same from step to step. Where no middle is in tissue that stands until the elements have moved
-// by half of the way from the nearest voxel's value to 0: cuts only make void. A pose is given after
-// another on the same workpiece.
+// The same from step to step. That a middle is in the void stands until the elements have moved by half
+// of the way from the nearest voxel's value to 0: cuts only make void. A pose is given after another on
+// the same workpiece.
 class AreaInTissue {
  public:
   explicit AreaInTissue(const SurfaceElements& elements);  // keeps a reference
@@ -186,8 +188,11 @@ class AreaInTissue {
  private:
   const SurfaceElements& elements_;
   double arm_ = 0;  // mm, longest from the tip
-  Pose looked_at_;
-  double stands_ = 0;  // mm from there
+  Pose looked_at_;  // last
+  double way_ = 0;  // mm, so far
+  // Until where on the way each is in the void for certain, and all of them are.
+  std::vector<double> stands_;
+  double all_stand_ = 0;
 };
 
 }  // namespace toothprep

@@ -18,15 +18,6 @@ constexpr float kAlongWall = 0.1f;
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
 
-// Half the range over element i of a field with gradient g (per mm, B), along and around.
-struct HalfRanges {
-  float along, around;
-  HalfRanges(const SurfaceElements& e, int i, const Eigen::Vector3f& g)
-      : along(std::abs(g.x() * e.lx[i] + g.y() * e.ly[i] + g.z() * e.lz[i]) * e.half_along[i]),
-        around(std::abs(g.x() * e.tx[i] + g.y() * e.ty[i]) * e.half_around[i]) {}
-  float extent() const { return kSlack * (along + around); }
-};
-
 }  // namespace
 
 struct ContactModel::Look {
@@ -187,7 +178,7 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
 // mm; negative where all of it lies in air.
 float ContactModel::look_for_tissue(const Scan& scan, int i, const Index3& cell,
                                     const Eigen::Vector3f& at, const Eigen::Vector3f& ahead,
-                                    Standing& s) const noexcept {
+                                    Standing& s) noexcept {
   const SurfaceElements& e = elements_;
   const Workpiece& workpiece = scan.workpiece;
   const IndexFrame& f = scan.frame;
@@ -202,21 +193,26 @@ float ContactModel::look_for_tissue(const Scan& scan, int i, const Index3& cell,
   const auto brick = static_cast<std::size_t>(lower);
   s.only = lower < 0 ? 0 : workpiece.only_tissue(brick);
   s.inside_tooth = lower >= 0 && workpiece.deep(brick);
+  if (s.inside_tooth && s.only != 0) return left;
+  KeptFields& fields = fields_[i];
+  fields.read(workpiece, Int4{cell.x(), cell.y(), cell.z(), 0});
+  const FourSamples found = fields.cells.at(all4(at.x() - static_cast<float>(cell_of(at.x()))),
+                                            all4(at.y() - static_cast<float>(cell_of(at.y()))),
+                                            all4(at.z() - static_cast<float>(cell_of(at.z()))));
+  const FourSamples g = f.gradients(found);
+  const Float4 value = at_surface4(found, ahead);
+  const Float4 along = magnitude(g.gx * e.lx[i] + g.gy * e.ly[i] + g.gz * e.lz[i]),
+               around = magnitude(g.gx * e.tx[i] + g.gy * e.ty[i]);
+  const Float4 extent = kSlack * (along * e.half_along[i] + around * e.half_around[i]) + sag;
   if (!s.inside_tooth) {
-    const FieldSample solid = field_at(workpiece.tooth().solid, f.base, at);
-    const float value = at_surface(solid, ahead);
-    const float extent = HalfRanges(e, i, f.gradient(solid)).extent() + sag;
-    if (value >= extent) return -std::max(kStands * (value - extent), kLeastExtent);
-    s.inside_tooth = value <= -extent;
-    left = std::min(left, kStands * std::abs(value + extent));
+    if (value[0] >= extent[0]) return -std::max(kStands * (value[0] - extent[0]), kLeastExtent);
+    s.inside_tooth = value[0] <= -extent[0];
+    left = std::min(left, kStands * std::abs(value[0] + extent[0]));
   }
-  for (int k = 0; s.only == 0 && k < tissue_index(Tissue::kOther); ++k) {
-    const FieldSample tissue = field_at(workpiece.tooth().remains[k], f.base, at);
-    const float value = at_surface(tissue, ahead);
-    const float extent = HalfRanges(e, i, f.gradient(tissue)).extent() + sag;
-    if (value > -extent) continue;
+  for (int k = 0; s.only == 0 && k < KeptTissues::kFields; ++k) {
+    if (value[k + 1] > -extent[k + 1]) continue;
     s.only = static_cast<std::uint8_t>(k + 1);
-    left = std::min(left, kStands * (-extent - value));
+    left = std::min(left, kStands * (-extent[k + 1] - value[k + 1]));
   }
   return left;
 }

@@ -128,4 +128,24 @@ struct KeptTissues {
   }
 };
 
+// The same of one point: its cell in the tooth's surface and in the tissues' level sets, side by side.
+struct KeptFields {
+  Int4 place = {};  // x, y, z, 0
+  bool known = false;
+  FourCells cells = {};  // the surface, then by tissue
+
+  void read(const Workpiece& workpiece, Int4 at) noexcept {
+    if (known && !any((place ^ at) != 0)) return;
+    place = at, known = true;
+    static_assert(KeptTissues::kFields == 3);
+    alignas(16) float corners[4][8];
+    cell_corners(workpiece.tooth().solid, at[0], at[1], at[2], corners[0]);
+    for (int k = 0; k < KeptTissues::kFields; ++k)
+      cell_corners(workpiece.tooth().remains[k], at[0], at[1], at[2], corners[k + 1]);
+    cells.set(load4(corners[0]), load4(corners[1]), load4(corners[2]), load4(corners[3]),
+              load4(corners[0] + 4), load4(corners[1] + 4), load4(corners[2] + 4),
+              load4(corners[3] + 4));
+  }
+};
+
 }  // namespace toothprep
