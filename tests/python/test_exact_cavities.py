@@ -28,6 +28,15 @@ class ExactCavities(unittest.TestCase):
             self.assertGreaterEqual(int(figures), 90)
             self.assertGreaterEqual(int(within), 0.95 * int(figures), f"{source}, {pose}: {farthest}")
 
+    def test_a_bevel_of_labels_has_its_margin_all_around(self):
+        with tempfile.TemporaryDirectory() as folder:
+            done = self.run_script("-o", folder, "--toothprep", BINARY, "--voxels-mm", "0.1", "--routes", "labels",
+                                   "--cavities", "bevel")
+            self.assertEqual(done.returncode, 0, done.stderr)
+        for row in done.stdout.splitlines()[2:]:
+            _, _, pose, figures, within, *_ = [cell.strip() for cell in row.split("|")[1:-1]]
+            self.assertEqual(within, figures, f"{pose}: {done.stderr}")
+
     def test_what_is_missing_is_said(self):
         for arguments, words in ((["--toothprep", "nowhere"], "no such program"),
                                  (["--toothprep", BINARY, "--routes", "teeth,wax"], "'wax' is none of")):

@@ -92,6 +92,19 @@ MarginStation station_at(const Vec3& x, const Vec2& flat, const Vec2& centre,
   return station;
 }
 
+// The middle thirds of walls, and not of steep strips that are low beside them: what labels make of the
+// edge of a bevel.
+std::vector<WallFacet> of_high_walls(const CutFacets& facets, const std::vector<WallFacet>& walls) {
+  Weighted height;
+  for (const WallFacet& w : walls) height.add(w.foot + w.rim, facets[w.facet].area);
+  std::vector<WallFacet> high;
+  if (height.empty()) return high;
+  const double least = height.quantile(0.5) / 3;
+  for (const WallFacet& w : walls)
+    if (w.in_middle_third() && w.plain && w.foot + w.rim > least) high.push_back(w);
+  return high;
+}
+
 // Angles about the middle of the walls that a margin covers, as [from, to] with from in [0, 2 pi).
 struct Covered {
   double from, to, radius;  // radians; mm
@@ -127,8 +140,7 @@ Margin measure_margin(const CutFacets& facets, const std::vector<WallFacet>& wal
   std::vector<PlanPoint> middle;
   Vec2 centre = Vec2::Zero();
   double lowest = 1e30, weight = 0;
-  for (const WallFacet& w : walls) {
-    if (!w.in_middle_third() || !w.plain) continue;
+  for (const WallFacet& w : of_high_walls(facets, walls)) {
     const Facet& f = facets[w.facet];
     middle.push_back({flat(f.centroid), w.facet});
     centre += f.area * middle.back().at;
