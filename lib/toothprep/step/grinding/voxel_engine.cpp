@@ -22,6 +22,12 @@ Vec3 centre_of(const Cell& c, double pitch) {
   return pitch * Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5);
 }
 
+// floor, without a call where the processor's own isn't compiled in.
+int below(double x) {
+  const int cut_off = static_cast<int>(x);
+  return cut_off - (x < cut_off);
+}
+
 double distance_at(const Bur& bur, const Vec3& x) {
   return bur.distance(std::hypot(x.x(), x.y()), x.z());
 }
@@ -134,14 +140,12 @@ void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   const Mat3 rotation = pose.orientation.toRotationMatrix() / workpiece_.voxel();
   for (const BoundarySample& sample : samples_) {
-    const Vec3 at = (tip + rotation * sample.surface_point + Vec3::Constant(0.5)).array().floor();
+    const Vec3 at = tip + rotation * sample.surface_point + Vec3::Constant(0.5);
     if (at.cwiseAbs().maxCoeff() > 1e8) continue;  // far outside; must not overflow
-    const Index3 v = at.cast<int>();
-    const std::uint8_t label = labels.value(v.x(), v.y(), v.z());
-    if (label == 0 || cut.value(v.x(), v.y(), v.z()) > 0) continue;
-    PerTissue<float> share{};
-    share[label - 1] = 1;
-    contact_.add(sample.element, share);
+    const int x = below(at.x()), y = below(at.y()), z = below(at.z());
+    const std::uint8_t label = labels.value(x, y, z);
+    if (label == 0 || cut.value(x, y, z) > 0) continue;
+    contact_.add(sample.element, label - 1, 1);
   }
 }
 
@@ -236,9 +240,10 @@ void VoxelEngine::redistance() noexcept {
   LevelSet& cut = workpiece_.cut();
   const float band = workpiece_.band();
   const auto voxel = static_cast<float>(workpiece_.voxel());
-  constexpr int kReach = 3;
+  constexpr int kReach = 3, kSide = kBrickEdge + 2 * kReach;  // of a brick and what is around it
+  const auto place = [](int x, int y, int z) { return (x * kSide + y) * kSide + z; };
   struct Neighbour {
-    int x, y, z;
+    int away;  // between their places
     float distance;
   };
   std::array<Neighbour, (2 * kReach + 1) * (2 * kReach + 1) * (2 * kReach + 1) - 1> neighbours;
@@ -247,7 +252,7 @@ void VoxelEngine::redistance() noexcept {
     for (int y = -kReach; y <= kReach; ++y)
       for (int z = -kReach; z <= kReach; ++z)
         if (x || y || z)
-          neighbours[n++] = {x, y, z,
+          neighbours[n++] = {place(x, y, z),
                              voxel * (std::sqrt(static_cast<float>(x * x + y * y + z * z)) - 0.5f)};
   std::stable_sort(neighbours.begin(), neighbours.end(),
                    [](const Neighbour& a, const Neighbour& b) { return a.distance < b.distance; });
@@ -265,14 +270,21 @@ void VoxelEngine::redistance() noexcept {
       near = beside >= 0 && !cut.is_uniform(static_cast<std::size_t>(beside));
     }
     if (!near) continue;
+    std::array<bool, kSide * kSide * kSide> is_gone;
+    for (int x = 0; x < kSide; ++x)
+      for (int y = 0; y < kSide; ++y)
+        for (int z = 0; z < kSide; ++z)
+          is_gone[static_cast<std::size_t>(place(x, y, z))] =
+              cut.value(origin.x() + x - kReach, origin.y() + y - kReach, origin.z() + z - kReach) >
+              0;
     float* values = nullptr;
     for (int v = 0; v < kBrickVoxels; ++v) {
-      const Index3 at = origin + Index3(v >> 6, (v >> 3) & 7, v & 7);
-      const bool gone = cut.value(at.x(), at.y(), at.z()) > 0;
+      const int at = place((v >> 6) + kReach, ((v >> 3) & 7) + kReach, (v & 7) + kReach);
+      const bool gone = is_gone[static_cast<std::size_t>(at)];
       float distance = band;
       for (const Neighbour& k : neighbours) {
         if (k.distance >= band) break;
-        if ((cut.value(at.x() + k.x, at.y() + k.y, at.z() + k.z) > 0) == gone) continue;
+        if (is_gone[static_cast<std::size_t>(at + k.away)] == gone) continue;
         distance = k.distance;
         break;
       }
