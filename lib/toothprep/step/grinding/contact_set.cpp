@@ -185,20 +185,48 @@ GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega, double r
                     : linear_response(v, omega);
 }
 
-GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) const noexcept {
-  const int n = count_;
-  const float least = least_;
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
-  const float *nx = nx_.data(), *ny = ny_.data(), *nz = nz_.data();
-  const float *mx = mx_.data(), *my = my_.data(), *mz = mz_.data();
-  const float *qx = qx_.data(), *qy = qy_.data(), *qz = qz_.data();
-  const float* p = torque_.data();
+namespace {
+
+// The entries of a set, one array each.
+struct Entries {
+  const float *nx, *ny, *nz, *mx, *my, *mz, *qx, *qy, *qz, *torque;
+  int count;
+  float least;
+};
+
+// Which of them advance. Where the handle doesn't turn m isn't read: it would add nothing.
+template <bool kTurns>
+AdvancingSet advancing(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o) {
+  const float vx = v.x(), vy = v.y(), vz = v.z(), ox = o.x(), oy = o.y(), oz = o.z();
+  const float *nx = e.nx, *ny = e.ny, *nz = e.nz, *mx = e.mx, *my = e.my, *mz = e.mz;
+  std::int32_t count = 0, places = 0;
+  const int n = e.count;
+  const float least = e.least;
+#pragma omp simd reduction(+ : count, places)
+  for (int i = 0; i < n; ++i) {
+    float s = nx[i] * vx + ny[i] * vy + nz[i] * vz;
+    if constexpr (kTurns) s = s + mx[i] * ox + my[i] * oy + mz[i] * oz;
+    count += s > least ? 1 : 0;
+    places += s > least ? i : 0;
+  }
+  return {count, places};
+}
+
+// B and b of those that advance.
+template <bool kTurns>
+void respond(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o,
+             GrindingResponse& r) {
+  const float vx = v.x(), vy = v.y(), vz = v.z(), ox = o.x(), oy = o.y(), oz = o.z();
+  const float *nx = e.nx, *ny = e.ny, *nz = e.nz, *mx = e.mx, *my = e.my, *mz = e.mz;
+  const float *qx = e.qx, *qy = e.qy, *qz = e.qz, *p = e.torque;
+  const int n = e.count;
+  const float least = e.least;
   float b00 = 0, b01 = 0, b02 = 0, b10 = 0, b11 = 0, b12 = 0, b20 = 0, b21 = 0, b22 = 0;
   float t0 = 0, t1 = 0, t2 = 0;
 #pragma omp simd reduction(+ : b00, b01, b02, b10, b11, b12, b20, b21, b22, t0, t1, t2)
   for (int i = 0; i < n; ++i) {
-    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
+    float s = nx[i] * vx + ny[i] * vy + nz[i] * vz;
+    if constexpr (kTurns) s = s + mx[i] * ox + my[i] * oy + mz[i] * oz;
     const bool advances = s > least;
     const float x = advances ? qx[i] : 0, y = advances ? qy[i] : 0, z = advances ? qz[i] : 0;
     const float torque = advances ? p[i] : 0;
@@ -207,19 +235,32 @@ GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) c
     b20 += z * nx[i], b21 += z * ny[i], b22 += z * nz[i];
     t0 += torque * nx[i], t1 += torque * ny[i], t2 += torque * nz[i];
   }
-  GrindingResponse r;
   r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
   r.b = Vec3(t0, t1, t2);
+}
+
+}  // namespace
+
+GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) const noexcept {
+  const Entries e{nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
+                  qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least_};
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  GrindingResponse r;
+  if (omega.squaredNorm() > 0)
+    respond<true>(e, vf, of, r);
+  else
+    respond<false>(e, vf, of, r);
   r.set = advancing_of_entries(v, omega);
   if (omega.squaredNorm() > 0) {
+    const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
     float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
 #pragma omp simd reduction(+ : f0, f1, f2, torque0)
-    for (int i = 0; i < n; ++i) {
-      const float turn = mx[i] * ox + my[i] * oy + mz[i] * oz;
-      const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + turn;
-      const float w = s > least ? turn : 0;
-      f0 += w * qx[i], f1 += w * qy[i], f2 += w * qz[i];
-      torque0 += w * p[i];
+    for (int i = 0; i < e.count; ++i) {
+      const float turn = e.mx[i] * ox + e.my[i] * oy + e.mz[i] * oz;
+      const float s = e.nx[i] * vx + e.ny[i] * vy + e.nz[i] * vz + turn;
+      const float w = s > e.least ? turn : 0;
+      f0 += w * e.qx[i], f1 += w * e.qy[i], f2 += w * e.qz[i];
+      torque0 += w * e.torque[i];
     }
     r.f0 = Vec3(f0, f1, f2);
     r.t0 = torque0;
@@ -235,31 +276,31 @@ AdvancingSet ContactSet::advancing_set(const Vec3& v, const Vec3& omega) const n
 }
 
 AdvancingSet ContactSet::advancing_of_entries(const Vec3& v, const Vec3& omega) const noexcept {
+  const Entries e{nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
+                  qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least_};
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
-  const float *nx = nx_.data(), *ny = ny_.data(), *nz = nz_.data();
-  const float *mx = mx_.data(), *my = my_.data(), *mz = mz_.data();
-  std::int32_t count = 0, places = 0;
-  const int n = count_;
-  const float least = least_;
-#pragma omp simd reduction(+ : count, places)
-  for (int i = 0; i < n; ++i) {
-    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz + mx[i] * ox + my[i] * oy + mz[i] * oz;
-    count += s > least ? 1 : 0;
-    places += s > least ? i : 0;
-  }
-  return {count, places};
+  return omega.squaredNorm() > 0 ? advancing<true>(e, vf, of) : advancing<false>(e, vf, of);
 }
 
 PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
   if (nonlinear_) return nonlinear_->advancing_area(v, omega);
+  static_assert(kTissueCount == 4);
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  PerTissue<float> sum{};
-  for (int i = 0; i < count_; ++i) {
-    const float s = nx_[i] * vf.x() + ny_[i] * vf.y() + nz_[i] * vf.z() + mx_[i] * of.x() +
-                    my_[i] * of.y() + mz_[i] * of.z();
-    for (int k = 0; k < kTissueCount; ++k) sum[k] += s > 0 ? area_[i][k] : 0;
+  Float4 sum{};
+  const auto add = [&](int i, bool advances) {
+    if (advances) sum += load4(area_[i].data());
+  };
+  int i = 0;
+  for (; i + 4 <= count_; i += 4) {
+    const Float4 s = load4(&nx_[i]) * vf.x() + load4(&ny_[i]) * vf.y() + load4(&nz_[i]) * vf.z() +
+                     load4(&mx_[i]) * of.x() + load4(&my_[i]) * of.y() + load4(&mz_[i]) * of.z();
+    const Int4 advances = s > 0;
+    for (int k = 0; k < 4; ++k) add(i + k, advances[k] != 0);
   }
+  for (; i < count_; ++i)
+    add(i, nx_[i] * vf.x() + ny_[i] * vf.y() + nz_[i] * vf.z() + mx_[i] * of.x() + my_[i] * of.y() +
+                   mz_[i] * of.z() >
+               0);
   PerTissue<double> area{};
   for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k] + sums_[k].feed[15];
   return area;
