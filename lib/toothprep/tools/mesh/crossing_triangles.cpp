@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toothprep/tools/mesh/nearest_in_triangle.h"
+
 namespace toothprep {
 namespace {
 
@@ -57,10 +59,16 @@ bool cross(const TriangleMesh& mesh, std::size_t a, std::size_t b) {
     const auto is_shared = [&](int k) {
       return std::find(other.begin(), other.end(), own[k % 3]) != other.end();
     };
-    for (int k = 0; k < 3; ++k)
-      if (!is_shared(k) && !is_shared(k + 1) &&
-          segment_crosses(at[side][k], at[side][(k + 1) % 3], at[1 - side]))
+    const int shared = is_shared(0) + is_shared(1) + is_shared(2);
+    const std::array<Vec3, 3>& t = at[1 - side];
+    const double flat = kFlat * (t[1] - t[0]).cross(t[2] - t[0]).norm();
+    for (int k = 0; k < 3; ++k) {
+      if (is_shared(k)) continue;
+      if (!is_shared(k + 1) && segment_crosses(at[side][k], at[side][(k + 1) % 3], t)) return true;
+      if (shared < 2 && std::abs(volume(t[0], t[1], t[2], at[side][k])) <= flat &&
+          distance_to_triangle(t, at[side][k]) < kFlat)
         return true;
+    }
   }
   return false;
 }

@@ -10,7 +10,7 @@
 namespace toothprep {
 
 // Of two different triangles, by their indices: whether they have more in common than corners and
-// edges. Triangles of one plane never do.
+// edges, within 1 nm.
 [[nodiscard]] bool cross(const TriangleMesh& mesh, std::size_t a, std::size_t b);
 
 }  // namespace toothprep

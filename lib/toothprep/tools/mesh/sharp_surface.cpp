@@ -117,7 +117,7 @@ Loop loop_of(const std::array<bool, 4>& negative, bool positive_tetrahedron) {
 }
 
 // Both fields at a tetrahedron's corners.
-struct Corners {
+struct TetrahedronCorners {
   std::array<std::array<float, 4>, 2> value;
   std::array<std::array<bool, 4>, 2> negative;
 
@@ -141,7 +141,7 @@ struct Corners {
 };
 
 // The polygon of one field's zero, clipped by the other.
-void add_polygon(const Index3& cell, const Tetrahedron& t, const Corners& s, int field,
+void add_polygon(const Index3& cell, const Tetrahedron& t, const TetrahedronCorners& s, int field,
                  const Names& names, Piece& piece) {
   const Loop loop = loop_of(s.negative[field], t.positive);
   std::array<std::uint64_t, 8> vertex;
@@ -170,7 +170,7 @@ void add_polygon(const Index3& cell, const Tetrahedron& t, const Corners& s, int
 void add_tetrahedra(const Index3& cell, const CellValues& corner, const Names& names,
                     Piece& piece) {
   for (const Tetrahedron& t : kTetrahedra) {
-    Corners s;
+    TetrahedronCorners s;
     for (int field = 0; field < 2; ++field)
       for (int c = 0; c < 4; ++c) {
         s.value[field][c] = corner[t.corner[c]][field];
