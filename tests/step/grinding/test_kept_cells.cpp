@@ -10,6 +10,23 @@
 namespace toothprep::testing {
 namespace {
 
+TEST(CellCorners, AreTheFieldsValuesWithinItsBoxAndBesideIt) {
+  LevelSet field(Index3(-1, 0, 2), Index3(2, 1, 3), 3.0f);
+  for (std::size_t b = 0; b < field.table_size(); ++b) {
+    float* values = field.writable_brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) values[v] = static_cast<float>(b) + 1e-3f * v;
+  }
+  for (int i = -18; i < 18; ++i)
+    for (int j = -10; j < 18; ++j)
+      for (int k = 6; k < 50; ++k) {
+        float c[8];
+        cell_corners(field, i, j, k, c);
+        for (int n = 0; n < 8; ++n)
+          ASSERT_EQ(c[n], field.value(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1)))
+              << i << ' ' << j << ' ' << k;
+      }
+}
+
 // Four points that creep, and leap now and then, over a block, its border of bricks, its edge and the
 // air beside it, while a ball cuts.
 TEST(KeptCells, OnAPathWithCutsAreThoseOfTheField) {

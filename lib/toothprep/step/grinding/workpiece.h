@@ -86,7 +86,7 @@ inline void cell_corners(const LevelSet& field, int i, int j, int k, float* c) n
   const int bx = (i >> 3) - first.x(), by = (j >> 3) - first.y(), bz = (k >> 3) - first.z();
   const int x = i & 7, y = j & 7, z = k & 7;
   const auto inside = [](int b, int n) {
-    return static_cast<unsigned>(b) + 1 < static_cast<unsigned>(n);  // b and b + 1 are bricks
+    return b >= 0 && b + 1 < n;  // b and b + 1 are bricks
   };
   if (!inside(bx, counts.x()) || !inside(by, counts.y()) || !inside(bz, counts.z())) {
     for (int n = 0; n < 8; ++n) c[n] = field.value(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1));
