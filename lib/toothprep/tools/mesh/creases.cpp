@@ -471,7 +471,7 @@ std::optional<EdgeAtCrease> CreaseFinder::edge(const Wedge& wedge, const Vec3& u
 std::optional<Vec3> CreaseFinder::corner(const Vec3& x) const {
   for (const Wedge& wedge : wedges_) {
     if (wedge.faces.size() != 3) continue;
-    const std::optional<Vec3> at = corner_of(wedge.faces, x);
+    std::optional<Vec3> at = corner_of(wedge.faces, x);
     if (at && (*at - x).norm() < kFarthest && !samples_->clear_of_surface(*at, kWithinBall))
       return at;
   }
