@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "toothprep/step/tooth/cell_cases.h"
@@ -32,6 +33,18 @@ struct CreaseCell {
   CreaseFinder finder;
   std::optional<CreaseFace> tooth;  // where the margin is in the cell
 };
+
+// By what they belong to, then by cell, each once.
+template <class Key>
+void sort_by_cell(std::vector<std::pair<Key, const CreaseCell*>>& cells_of) {
+  const auto rank = [](const auto& x) {
+    const Index3& cell = x.second->cell;
+    return std::tuple(x.first, cell.x(), cell.y(), cell.z());
+  };
+  std::sort(cells_of.begin(), cells_of.end(),
+            [&](const auto& a, const auto& b) { return rank(a) < rank(b); });
+  cells_of.erase(std::unique(cells_of.begin(), cells_of.end()), cells_of.end());
+}
 
 class CreaseDivision {
  public:
@@ -157,14 +170,7 @@ void CreaseDivision::place_vertices(const std::function<std::array<Vec3, 2>(std:
     if (cell_of_[t] != nullptr)
       for (const std::uint32_t v : mesh_.triangles[t])
         if (on_cut_[t] || !on_margin[v]) cells_of.push_back({v, cell_of_[t]});
-  const auto before = [](const auto& a, const auto& b) {
-    return std::pair(a.first,
-                     std::array{a.second->cell.x(), a.second->cell.y(), a.second->cell.z()}) <
-           std::pair(b.first,
-                     std::array{b.second->cell.x(), b.second->cell.y(), b.second->cell.z()});
-  };
-  std::sort(cells_of.begin(), cells_of.end(), before);
-  cells_of.erase(std::unique(cells_of.begin(), cells_of.end()), cells_of.end());
+  sort_by_cell(cells_of);
   for (std::size_t k = 0; k < cells_of.size();) {
     const std::uint32_t v = cells_of[k].first;
     std::vector<const CreaseCell*> cells;
@@ -227,14 +233,7 @@ void CreaseDivision::divide_edges() {
         cells_of.push_back(
             {with_ascending_ends(mesh_.triangles[t][k], mesh_.triangles[t][(k + 1) % 3]),
              cell_of_[t]});
-  const auto before = [](const auto& a, const auto& b) {
-    return std::pair(a.first,
-                     std::array{a.second->cell.x(), a.second->cell.y(), a.second->cell.z()}) <
-           std::pair(b.first,
-                     std::array{b.second->cell.x(), b.second->cell.y(), b.second->cell.z()});
-  };
-  std::sort(cells_of.begin(), cells_of.end(), before);
-  cells_of.erase(std::unique(cells_of.begin(), cells_of.end()), cells_of.end());
+  sort_by_cell(cells_of);
   for (std::size_t k = 0; k < cells_of.size();) {
     const MeshEdge edge = cells_of[k].first;
     std::vector<const CreaseCell*> cells;
