@@ -338,6 +338,13 @@ CreaseFinder::CreaseFinder(const LevelSet& cut, double voxel, const Index3& cell
   for (const bool convex : {true, false}) add(planes_[convex], convex);
   for (const bool convex : {true, false}) add(planes_[!convex], convex);
   for (const bool convex : {true, false}) add(all, convex);
+  std::erase_if(wedges_, [this](const Wedge& wedge) {
+    const auto& f = wedge.faces;
+    for (std::size_t a = 0; a < f.size(); ++a)
+      for (std::size_t b = a + 1; b < f.size(); ++b)
+        if (is_round(planes_[!wedge.convex], f[a], f[b], wedge.convex)) return true;
+    return false;
+  });
   for (Wedge& wedge : wedges_) wedge.misfit = std::max(wedge.misfit_of(all), kWellFit * kWellFit);
   std::stable_sort(wedges_.begin(), wedges_.end(), [](const Wedge& a, const Wedge& b) {
     return std::pair(a.misfit, a.faces.size()) < std::pair(b.misfit, b.faces.size());
@@ -461,8 +468,7 @@ std::optional<EdgeAtCrease> CreaseFinder::edge(const Wedge& wedge, const Vec3& u
       edge.at = *corner;
       edge.is_corner = true;
     }
-  if ((edge.at - middle).norm() > kFarthest || samples_->clear_of_surface(edge.at, kWithinBall) ||
-      is_round(planes_[!wedge.convex], at_u, at_v, wedge.convex))
+  if ((edge.at - middle).norm() > kFarthest || samples_->clear_of_surface(edge.at, kWithinBall))
     return std::nullopt;
   edge.crossed = true;
   return edge;

@@ -202,6 +202,14 @@ float below_metal(const MetalSurface::Voxel& v, double sigma, double most) {
                    static_cast<float>(std::clamp(steepest(sigma) * v.inside, -most, most)));
 }
 
+// Within the blur around metal the tissue's grey is the one beyond that.
+void look_beyond_metal(const MetalSurface& metal, const Field& depth, const GreyClasses& classes,
+                       double blur, UnderSurface& under) {
+  for (const MetalSurface::Voxel& v : metal.voxels)
+    under.plateau[v.at] = enamel_border(classes, depth[v.at], blur) +
+                          static_cast<float>(v.outer - classes.threshold_enamel);
+}
+
 // Zero where the grey is half-way between the surroundings and the tissue underneath. Where air is
 // beyond metal, the solid ends where the metal does.
 SignedField solid_field(const WorkBox& box, const Field& grey, const Field& depth,
@@ -237,17 +245,6 @@ SignedField solid_field(const WorkBox& box, const Field& grey, const Field& dept
       });
 }
 
-// How far greys lie above enamel's border. Within the blur around metal they are the greys beyond that.
-Field above_enamel_border(const WorkBox& box, const Field& depth, const UnderSurface& under,
-                          const MetalSurface& metal, const GreyClasses& classes, double blur) {
-  Field above(box.voxels());
-  for (std::size_t v = 0; v < above.size(); ++v)
-    above[v] = static_cast<float>(under.plateau[v] - enamel_border(classes, depth[v], blur));
-  for (const MetalSurface::Voxel& v : metal.voxels)
-    above[v.at] = static_cast<float>(v.outer - classes.threshold_enamel);
-  return above;
-}
-
 // The tissues against each other, by their greys without the surroundings' share; beside metal they
 // end at its surface, between voxels.
 void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth,
@@ -255,11 +252,13 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
                        const GreyClasses& classes, double blur, ToothFields& fields) {
   const std::size_t n = box.voxels();
   Mask solid(n), domain(n), enamel(n);
-  const Field above = above_enamel_border(box, depth, under, along.metal, classes, blur);
+  const auto above_border = [&](std::size_t v) {
+    return under.plateau[v] - enamel_border(classes, depth[v], blur);
+  };
   for (std::size_t v = 0; v < n; ++v) {
     solid[v] = fields.solid[v] > 0;
     domain[v] = depth[v] > -kReach;
-    enamel[v] = domain[v] && above[v] > 0;
+    enamel[v] = domain[v] && above_border(v) > 0;
   }
   Mask metal = along.metal.metal;
   for (const MetalSurface::Voxel& v : along.metal.voxels) metal[v.at] = v.inside > 0;
@@ -276,7 +275,8 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth
   const auto in_pulp = [&](std::size_t v) { return has_pulp && cavity.mask[v]; };
   const auto in_metal = [&](std::size_t v) { return has_metal && metal[v]; };
   const auto of_enamel = [&](std::size_t v) {
-    return signed_as(enamel[v] && !in_pulp(v), scaled(above[v], classes.enamel - classes.dentin));
+    return signed_as(enamel[v] && !in_pulp(v),
+                     scaled(above_border(v), classes.enamel - classes.dentin));
   };
   const auto of_pulp = [&](std::size_t v) {
     return signed_as(in_pulp(v), scaled(cavity.border - grey[v], classes.dentin - cavity.grey));
@@ -516,8 +516,9 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
                                options.thin_enamel);
     if (report && options.keep_greys) report->greys = std::move(*seen.greys);
     seen.greys.reset();
-    const UnderSurface under = look_under_surface(box, grey, depth, std::move(level), classes, blur,
-                                                  along.thin, along.sigma);
+    UnderSurface under = look_under_surface(box, grey, depth, std::move(level), classes, blur,
+                                            along.thin, along.sigma);
+    look_beyond_metal(along.metal, depth, classes, blur, under);
     fields.solid = solid_field(box, grey, depth, rough, cavity, under, along, classes, blur);
     cavity.from_outside = {};
     progress("separating the tissues", 0.7);
