@@ -5,6 +5,7 @@
 #include <set>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/tools/io/plain_text.h"
 
 namespace toothprep::app {
 namespace {
@@ -93,6 +94,48 @@ std::vector<BodyLabels> parse_body_labels(const std::vector<std::string>& texts,
   for (const BodyLabels& b : bodies) list.push_back(b.body);
   check(list, "--body");
   return bodies;
+}
+
+void add_neighbour_option(CLI::App& sub, std::vector<std::string>& texts) {
+  sub.add_option("--neighbour", texts,
+                 "Keep another of several teeth as a neighbour of the one that --tooth takes, one "
+                 "per option:\nNAME=N or NAME=X,Y,Z, chosen as by --tooth")
+      ->allow_extra_args(false)
+      ->excludes("--body")
+      ->needs("--tooth");
+}
+
+std::vector<NeighbourChoice> parse_neighbours(const std::vector<std::string>& texts) {
+  std::vector<NeighbourChoice> neighbours;
+  std::vector<Body> list = {{kPrepared, BodyKind::kTooth}};
+  for (const std::string& text : texts) {
+    const std::size_t equals = text.find('=');
+    if (equals == std::string::npos)
+      throw CLI::ValidationError("--neighbour", "'" + text + "' is not NAME=N or NAME=X,Y,Z");
+    NeighbourChoice neighbour{{text.substr(0, equals), BodyKind::kNeighbour}, 1, {}};
+    parse_tooth(text.substr(equals + 1), "--neighbour", neighbour.tooth, neighbour.tooth_at);
+    list.push_back(neighbour.body);
+    neighbours.push_back(std::move(neighbour));
+  }
+  check(list, "--neighbour");
+  return neighbours;
+}
+
+void parse_tooth(const std::string& text, const char* option, int& tooth,
+                 std::optional<Vec3>& tooth_at) {
+  const auto parts = CLI::detail::split(text, ',');
+  Vec3 at = Vec3::Zero();
+  bool good = parts.size() == 3;
+  for (std::size_t a = 0; a < 3 && good; ++a) {
+    const auto value = decimal_number(parts[a]);
+    good = value.has_value();
+    at[static_cast<int>(a)] = value.value_or(0);
+  }
+  if (good)
+    tooth_at = at;
+  else if (parts.size() != 1 || !CLI::detail::lexical_cast(text, tooth) || tooth < 1)
+    throw CLI::ValidationError(option,
+                               "'" + text + "' is neither a number (1 is the largest) nor X,Y,Z");
 }
 
 BodyMeshes parse_body_meshes(const std::vector<std::string>& texts) {

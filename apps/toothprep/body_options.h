@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,6 +23,17 @@ void add_body_option(CLI::App& sub, std::vector<std::string>& texts);
 // CLI::ValidationError.
 std::vector<BodyLabels> parse_body_labels(const std::vector<std::string>& texts,
                                           const std::map<std::uint16_t, Tissue>& tissues);
+
+// --neighbour, after --tooth and --body.
+void add_neighbour_option(CLI::App& sub, std::vector<std::string>& texts);
+
+// "NAME=N" or "NAME=X,Y,Z" (mm), one text each. Throws CLI::ValidationError, also if two have one name
+// or one is named as the prepared tooth is, "tooth".
+std::vector<NeighbourChoice> parse_neighbours(const std::vector<std::string>& texts);
+
+// "N" or "X,Y,Z" (mm), to `tooth` or `tooth_at`. Throws CLI::ValidationError that names the option.
+void parse_tooth(const std::string& text, const char* option, int& tooth,
+                 std::optional<Vec3>& tooth_at);
 
 // Meshes, [NAME[:KIND]/]TISSUE=FILE each, by body. Those without a name are the prepared tooth's.
 struct BodyMeshes {

@@ -11,6 +11,7 @@
 #include "progress_line.h"
 #include "toothprep/build_info.h"
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/tooth/combine_teeth.h"
 #include "toothprep/tools/files/tooth_file.h"
 #include "toothprep/tools/io/label_source.h"
 #include "toothprep/tools/io/outputs.h"
@@ -32,10 +33,11 @@ struct Options {
   double voxel_mm = 0.1;
   std::vector<double> thresholds;
   std::string spacing_mm;
-  std::vector<std::string> labels;  // tissue=value
-  std::vector<std::string> bodies;  // name=values
-  std::vector<std::string> meshes;  // tissue=file, or a file with enamel_mm
-  double enamel_mm = 0;             // 0: not given
+  std::vector<std::string> labels;      // tissue=value
+  std::vector<std::string> bodies;      // name=values
+  std::vector<std::string> neighbours;  // name=tooth
+  std::vector<std::string> meshes;      // tissue=file, or a file with enamel_mm
+  double enamel_mm = 0;                 // 0: not given
   std::string series, report, tooth, hounsfield, length_unit;
   std::vector<double> roi;  // mm
   int component = 0;        // 0: not given
@@ -74,24 +76,6 @@ std::array<double, 3> parse_spacing(const std::string& text) {
     throw CLI::ValidationError("--spacing-mm",
                                "'" + text + "' is neither a positive number nor X,Y,Z");
   return spacing;
-}
-
-// "N" or "X,Y,Z" (mm), to `tooth` or `tooth_at`.
-template <class How>
-void choose_tooth(const std::string& text, How& how) {
-  const auto parts = CLI::detail::split(text, ',');
-  Vec3 at = Vec3::Zero();
-  bool good = parts.size() == 3;
-  for (std::size_t a = 0; a < 3 && good; ++a) {
-    const auto value = decimal_number(parts[a]);
-    good = value.has_value();
-    at[static_cast<int>(a)] = value.value_or(0);
-  }
-  if (good)
-    how.tooth_at = at;
-  else if (parts.size() != 1 || !CLI::detail::lexical_cast(text, how.tooth) || how.tooth < 1)
-    throw CLI::ValidationError("--tooth",
-                               "'" + text + "' is neither a number (1 is the largest) nor X,Y,Z");
 }
 
 Box roi_of(const std::vector<double>& roi) {
@@ -134,7 +118,7 @@ ShellReading reading_of(const Options& options) {
   ShellReading how;
   how.mm_per_unit = mm_per_mesh_unit(options.length_unit);
   if (!options.roi.empty()) how.roi = roi_of(options.roi);
-  if (!options.tooth.empty()) choose_tooth(options.tooth, how);
+  if (!options.tooth.empty()) parse_tooth(options.tooth, "--tooth", how.tooth, how.tooth_at);
   how.mend = options.repair;
   return how;
 }
@@ -145,9 +129,13 @@ void run_meshes(const Options& options, const Common& common) {
   if (bare && (options.meshes.size() != 1 || !is_mesh_file(options.meshes[0]) ||
                tissue_named(options.meshes[0].substr(0, options.meshes[0].find('=')))))
     throw CLI::ValidationError("--enamel-mm", "takes a single --mesh FILE without a tissue");
-  const BodyMeshes meshes = bare ? BodyMeshes{{}, {{{Tissue::kOther, options.meshes[0]}}}}
-                                 : parse_body_meshes(options.meshes);
+  const BodyMeshes meshes =
+      bare ? BodyMeshes{{{"tooth", BodyKind::kTooth}}, {{{Tissue::kOther, options.meshes[0]}}}}
+           : parse_body_meshes(options.meshes);
   const ShellReading reading = reading_of(options);
+  const std::vector<NeighbourChoice> neighbours = parse_neighbours(options.neighbours);
+  if (!neighbours.empty() && meshes.list.size() > 1)
+    throw CLI::ValidationError("--neighbour", "is not for meshes that name their bodies");
   Outputs outputs(options.force);
   for (const auto& files : meshes.parts)
     for (const auto& [tissue, file] : files) outputs.reads({file});
@@ -159,11 +147,26 @@ void run_meshes(const Options& options, const Common& common) {
   how.progress = progress.report();
   how.announce = [&](const std::string& work) { say(common, work); };
   std::vector<std::string> notes;
-  LayeredTooth tooth =
-      bare ? voxelize_bare_shell(options.meshes[0], options.enamel_mm, reading, how, notes)
-      : meshes.list.size() > 1
-          ? voxelize_shell_bodies(meshes.list, meshes.parts, reading, how, notes)
-          : voxelize_shell_files(meshes.parts[0], reading, how, notes);
+  const auto read = [&](const ShellReading& one) {
+    return bare ? voxelize_bare_shell(options.meshes[0], options.enamel_mm, one, how, notes)
+                : voxelize_shell_files(meshes.parts[0], one, how, notes);
+  };
+  LayeredTooth tooth = meshes.list.size() > 1
+                           ? voxelize_shell_bodies(meshes.list, meshes.parts, reading, how, notes)
+                           : read(reading);
+  if (!neighbours.empty()) {
+    std::vector<LayeredTooth> teeth;
+    teeth.push_back(std::move(tooth));
+    std::vector<Body> list = meshes.list;
+    for (const NeighbourChoice& neighbour : neighbours) {
+      ShellReading one = reading;
+      one.tooth = neighbour.tooth;
+      one.tooth_at = neighbour.tooth_at;
+      teeth.push_back(read(one));
+      list.push_back(neighbour.body);
+    }
+    tooth = combine_teeth(teeth, list);
+  }
   for (const auto& note : notes) warn(note);
   finish(tooth, options, common, outputs, output, start, notes);
 }
@@ -181,7 +184,9 @@ ScanJob job_of(const Options& options) {
   job.how.voxel = options.voxel_mm;
   if (!options.thresholds.empty())
     job.how.thresholds = {options.thresholds[0], options.thresholds[1]};
-  if (!options.tooth.empty()) choose_tooth(options.tooth, job.how);
+  if (!options.tooth.empty())
+    parse_tooth(options.tooth, "--tooth", job.how.tooth, job.how.tooth_at);
+  job.neighbours = parse_neighbours(options.neighbours);
   job.how.one_tooth = !options.tooth.empty();
   job.how.smooth_labels = options.smooth_labels;
   job.how.thin_enamel = options.thin_enamel;
@@ -317,6 +322,7 @@ void add_voxelize(CLI::App& app, const Common& common) {
       ->excludes("--thresholds")
       ->excludes("--hounsfield");
   add_body_option(*sub, options->bodies);
+  add_neighbour_option(*sub, options->neighbours);
   sub->add_flag("--smooth-labels,!--no-smooth-labels", options->smooth_labels,
                 "Surfaces of a segmentation without the steps of its voxels, each voxel's centre "
                 "staying in its tissue (the default); --no-smooth-labels keeps the steps")
@@ -364,7 +370,8 @@ void add_voxelize(CLI::App& app, const Common& common) {
       "  toothprep voxelize jaw.nrrd -o tooth.vdb --labels enamel=2,dentin=3,enamel=5,dentin=6 "
       "--body 37=5,6\n"
       "  toothprep voxelize --mesh enamel=crown.stl --mesh dentin=dentin.stl -o tooth.vdb\n"
-      "  toothprep voxelize --mesh arch.ply.gz --tooth 12,-4,3 --enamel-mm 1.5 -o tooth.vdb");
+      "  toothprep voxelize --mesh arch.ply.gz --tooth 12,-4,3 --enamel-mm 1.5 -o tooth.vdb\n"
+      "  toothprep voxelize jaw-ct -o tooth.vdb --tooth 12.5,-40,31 --neighbour 37=14,-31,30");
   sub->callback([options, &common] { run(*options, common); });
 }
 

@@ -21,6 +21,15 @@ Tissue tissue_of(const std::string& name) {
   throw py::value_error("no tissue '" + name + "'; there are enamel, dentin, pulp and other");
 }
 
+// A number (1 is the largest), a place (mm, W), or None: as it is.
+template <class How>
+void choose_tooth(const py::dict& options, const char* key, How& how) {
+  if (py::isinstance<py::int_>(options[key]))
+    how.tooth = taken<int>(options, key);
+  else
+    how.tooth_at = vector_taken(options, key);
+}
+
 ScanJob job_of(const py::dict& o, const std::string& presets) {
   ScanJob job;
   job.path = path_of(o["source"]);
@@ -40,11 +49,16 @@ ScanJob job_of(const py::dict& o, const std::string& presets) {
   job.how.voxel = taken<double>(o, "voxel_mm");
   job.how.smooth_labels = taken<bool>(o, "smooth_labels");
   job.how.thresholds = taken<std::optional<std::array<double, 2>>>(o, "thresholds");
-  const py::object tooth = o["tooth"];
-  if (py::isinstance<py::int_>(tooth))
-    job.how.tooth = tooth.cast<int>();
-  else
-    job.how.tooth_at = vector_taken(o, "tooth");
+  choose_tooth(o, "tooth", job.how);
+  job.how.one_tooth = !o["tooth"].is_none();
+  if (!o["neighbours"].is_none()) {
+    const auto neighbours = taken<py::dict>(o, "neighbours");
+    for (const auto& [name, tooth] : neighbours) {
+      NeighbourChoice& one = job.neighbours.emplace_back();
+      one.body = {py::str(name), BodyKind::kNeighbour};
+      choose_tooth(py::dict(py::arg("neighbours") = tooth), "neighbours", one);
+    }
+  }
   if (const auto name = taken<std::optional<std::string>>(o, "hounsfield")) {
     const auto known = read_hounsfield_presets(presets);
     const HounsfieldPreset& preset = preset_named(known, *name);
@@ -76,7 +90,7 @@ py::tuple voxelize_scan_file(const py::dict& options, const std::string& presets
   run_long(progress, [&](Progress& p) {
     job.how.progress = [&](const std::string& stage, double done) { p.report(stage, done); };
     VoxelizedScan scan = voxelize_file(job);
-    record_frame(estimate_frame(scan.tooth), scan.tooth.provenance);
+    record_frame(estimate_frame(with_others_as_other(scan.tooth)), scan.tooth.provenance);
     for (const std::string& note : scan.report.notes) made.notes.push_back(job.path + ": " + note);
     made.json =
         voxelize_json(scan.tooth, {}, seconds_since(start), scan.report.notes,
@@ -87,16 +101,17 @@ py::tuple voxelize_scan_file(const py::dict& options, const std::string& presets
 }
 
 py::tuple voxelize_meshes(const py::dict& meshes, double voxel_mm, bool repair,
-                          const py::object& progress) {
+                          const py::object& chosen, const py::object& progress) {
   const auto start = std::chrono::steady_clock::now();
   std::vector<std::pair<Tissue, std::string>> files;
   for (const auto& [name, file] : meshes)
     files.emplace_back(tissue_of(py::cast<std::string>(name)),
                        path_of(py::reinterpret_borrow<py::object>(file)));
+  ShellReading reading;
+  reading.mend = repair;
+  choose_tooth(py::dict(py::arg("tooth") = chosen), "tooth", reading);
   Made made;
   run_long(progress, [&](Progress& p) {
-    ShellReading reading;
-    reading.mend = repair;
     ShellOptions how;
     how.voxel = voxel_mm;
     how.progress = [&](const std::string& stage, double done) { p.report(stage, done); };

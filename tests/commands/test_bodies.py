@@ -146,17 +146,18 @@ class Bodies(CommandTest):
             self.assertEqual(refused.returncode, 1)
             self.assertIn("not within", refused.stderr)
 
+    def bodies_of(self, file):
+        return json.loads(self.run_ok("info", file, "--json").stdout)["bodies"]
+
     def test_a_segmentation_says_whose_values_are_whose(self):
         labels = numpy.zeros((16, 20, 40), dtype=numpy.uint8)  # z, y, x
         for first, enamel, dentin in ((4, 2, 3), (22, 5, 6)):
             labels[4:12, 4:16, first:first + 14] = dentin
             labels[9:12, 4:16, first:first + 14] = enamel
-        head = ("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 40 20 16\nspace: left-posterior-superior\n"
-                "space directions: (0.25,0,0) (0,0.25,0) (0,0,0.25)\nspace origin: (0,0,0)\nencoding: raw\n\n")
-        self.write("labels.nrrd", head.encode() + labels.tobytes())
+        self.write_volume("labels.nrrd", labels, 0.25)
         values = "enamel=2,dentin=3,enamel=5,dentin=6"
         self.run_ok("voxelize", "labels.nrrd", "--labels", values, "--body", "37=5,6", "--voxel-mm", "0.25", "-o", "labels.vdb")
-        bodies = json.loads(self.run_ok("info", "labels.vdb", "--json").stdout)["bodies"]
+        bodies = self.bodies_of("labels.vdb")
         self.assertEqual({name: body["kind"] for name, body in bodies.items()}, {"tooth": "tooth", "37": "neighbour"})
         for body in bodies.values():
             self.assertAlmostEqual(body["volume_mm3"], 8 * 12 * 14 * 0.25**3, delta=0.6)  # rounded edges
@@ -164,6 +165,46 @@ class Bodies(CommandTest):
             refused = self.run_tool("voxelize", "labels.nrrd", "--labels", values, "--body", *wrong.split(), "-o", "no.vdb")
             self.assertEqual(refused.returncode, 2, wrong)
             self.assertIn("--body", refused.stderr)
+
+    def test_neighbours_are_chosen_as_the_tooth_is(self):
+        # Two teeth of the same values, the first a little longer: blocks of dentin with enamel on them.
+        voxel, tall = 0.2, (40, 34)
+        labels = numpy.zeros((48, 44, 88), dtype=numpy.uint8)  # z, y, x
+        for first, top in zip((6, 48), tall):
+            labels[4:top, 6:38, first:first + 32] = 3
+            labels[top - 8:top, 6:38, first:first + 32] = 2
+        volumes = [(top - 4) * 32 * 32 * voxel**3 for top in tall]
+        self.write_volume("two.nrrd", labels, voxel)
+        # A scan: greys between the classes at the borders, as a scanner's blur makes them.
+        grey = numpy.array([20, 0, 210, 120])[labels].astype(float)
+        for axis in range(3):
+            for _ in range(2):
+                grey = (numpy.roll(grey, 1, axis) + 2 * grey + numpy.roll(grey, -1, axis)) / 4
+        noise = numpy.random.default_rng(1).normal(0, 2, grey.shape)
+        self.write_volume("grey.nrrd", numpy.clip(grey + noise, 0, 255), voxel)
+        of_labels = ("voxelize", "two.nrrd", "--labels", "enamel=2,dentin=3", "--voxel-mm", repr(voxel))
+        of_greys = ("voxelize", "grey.nrrd", "--voxel-mm", repr(voxel))
+        self.run_ok(*of_labels, "-o", "all.vdb")
+        self.run_ok("mesh", "all.vdb", "-o", "arch.stl")
+        of_mesh = ("voxelize", "--mesh", "arch.stl", "--enamel-mm", "0.8", "--voxel-mm", repr(voxel))
+        place = "12.8,4.4,3"  # in the second one
+        for n, command in enumerate((of_labels, of_greys, of_mesh)):
+            for tooth, neighbour in (("1", "2"), (place, "1"), ("1", place)):
+                self.run_ok(*command, "--tooth", tooth, "--neighbour", "37=" + neighbour, "-o", "two.vdb", "--force")
+                bodies = self.bodies_of("two.vdb")
+                self.assertEqual({name: body["kind"] for name, body in bodies.items()}, {"tooth": "tooth", "37": "neighbour"})
+                expected = volumes if tooth == "1" else volumes[::-1]
+                for name, volume in zip(("tooth", "37"), expected):
+                    self.assertAlmostEqual(bodies[name]["volume_mm3"], volume, delta=0.03 * volume, msg=(n, tooth, name))
+            same = self.run_tool(*command, "--tooth", place, "--neighbour", "37=2", "-o", "no.vdb")
+            self.assertEqual(same.returncode, 1)
+            self.assertIn("'37' is the same tooth as 'tooth'", same.stderr)
+            self.assertFalse(Path(self.path("no.vdb")).exists())
+        for wrong in ("37", "37=0", "37=1,2", "=2", "tooth=2"):
+            refused = self.run_tool(*of_labels, "--tooth", "1", "--neighbour", wrong, "-o", "no.vdb")
+            self.assertEqual(refused.returncode, 2, wrong)
+            self.assertIn("--neighbour", refused.stderr)
+        self.assertEqual(self.run_tool(*of_labels, "--neighbour", "37=2", "-o", "no.vdb").returncode, 2)  # no --tooth
 
 
 if __name__ == "__main__":

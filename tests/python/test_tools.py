@@ -39,6 +39,24 @@ class Tools(CommandTest):
         self.assertEqual(without(made, "seconds", "tooth"), without(json.loads(done.stdout), "seconds", "tooth"))
         self.assertIsNone(made["tooth"])
 
+    def test_of_several_teeth_one_is_taken_and_others_are_neighbours_as_the_command_has_it(self):
+        labels = np.zeros((20, 20, 44), dtype=np.uint8)  # z, y, x
+        labels[4:18, 4:16, 4:18] = 2
+        labels[4:14, 4:16, 26:40] = 2
+        self.write_volume("two.nrrd", labels, 0.3)
+        command = ("voxelize", "two.nrrd", "--labels", "dentin=2", "--voxel-mm", "0.3")
+        self.run_ok(*command, "--tooth", "2", "--neighbour", "37=1", "-o", "pair.vdb")
+        self.run_ok(*command, "--tooth", "2", "-o", "one.vdb")
+        for neighbours, file in (({"37": (3.3, 3, 3)}, "pair.vdb"), (None, "one.vdb")):
+            with self.assertWarnsRegex(UserWarning, "took tooth 2 of 2"):
+                made = toothprep.voxelize("two.nrrd", labels={"dentin": 2}, voxel_mm=0.3, tooth=2, neighbours=neighbours)
+            theirs = toothprep.load(file)
+            self.assertEqual(made.tooth.sha256, theirs.sha256)
+            self.assertEqual(made.tooth.bodies, theirs.bodies)
+        self.run_ok("mesh", "pair.vdb", "-o", "pair.stl")
+        volume = toothprep.voxelize(meshes={"dentin": "pair.stl"}, tooth=2, voxel_mm=0.3)["volume_mm3"]["dentin"]
+        self.assertAlmostEqual(volume, 10 * 12 * 14 * 0.3**3, delta=1.5)
+
     def test_voxelize_meshes_is_the_command(self):
         toothprep.block(size_mm=3, enamel_mm=1, voxel_mm=0.2).save("block.vdb")
         for tissue in ("enamel", "dentin"):

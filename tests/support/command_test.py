@@ -38,6 +38,13 @@ class CommandTest(unittest.TestCase):
             file.write(content if isinstance(content, bytes) else content.encode())
 
     @classmethod
+    def write_volume(cls, name, values, voxel):
+        """An array of unsigned bytes, indexed z, y, x, as .nrrd; voxel in mm, the first one's centre at 0."""
+        head = ("NRRD0004\ntype: uint8\ndimension: 3\nsizes: {2} {1} {0}\nspace: left-posterior-superior\n"
+                "space directions: ({3},0,0) (0,{3},0) (0,0,{3})\nspace origin: (0,0,0)\nencoding: raw\n\n")
+        cls.write(name, head.format(*values.shape, voxel).encode() + values.astype("uint8").tobytes())
+
+    @classmethod
     def read(cls, name):
         with open(cls.path(name), "rb") as file:
             return file.read()

@@ -169,7 +169,8 @@ def set_threads(threads: int) -> None: ...
 def voxelize(source: Optional[_Path] = ..., output: Optional[_Path] = ..., *, voxel_mm: float = ...,
              thresholds: Optional[Sequence[float]] = ..., hounsfield: Optional[str] = ...,
              labels: Optional[Mapping[str, int]] = ..., meshes: Optional[Mapping[str, _Path]] = ...,
-             spacing_mm: Union[None, float, Sequence[float]] = ..., tooth: Union[int, Sequence[float]] = ...,
+             spacing_mm: Union[None, float, Sequence[float]] = ..., tooth: Union[None, int, Sequence[float]] = ...,
+             neighbours: Optional[Mapping[str, Union[int, Sequence[float]]]] = ...,
              series: str = ..., component: Optional[int] = ...,
              roi_mm: Optional[Sequence[Sequence[float]]] = ..., allow_irregular: bool = ..., repair: bool = ...,
              smooth_labels: bool = ..., overwrite: bool = ..., progress: _Progress = ...) -> Voxelized: ...

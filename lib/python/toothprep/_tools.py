@@ -35,8 +35,8 @@ class Fit(dict):
 
 
 def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfield=None, labels=None, meshes=None,
-             spacing_mm=None, tooth=1, series="", component=None, roi_mm=None, allow_irregular=False, repair=True,
-             smooth_labels=True, overwrite=True, progress=None):
+             spacing_mm=None, tooth=None, neighbours=None, series="", component=None, roi_mm=None,
+             allow_irregular=False, repair=True, smooth_labels=True, overwrite=True, progress=None):
     """A CT scan, a segmentation or closed shells to a layered tooth.
 
     source      a folder with a DICOM series, .dcm, .nrrd, .nhdr, .nii, .nii.gz, .mha or .mhd
@@ -48,7 +48,10 @@ def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfi
     meshes      in place of a source: {"enamel": path, "dentin": path, ...}, surfaces in mm; repair mends and
                 closes them where that invents no shape (a note says so), else faults are refused
     spacing_mm  voxel size of the scan in place of the file's: a number or three
-    tooth       of several: 1 is the largest; or a place in it, (x, y, z), mm, W
+    tooth       of several: 1 is the largest; or a place in it, (x, y, z), mm, W. None: the largest of a scan, all
+                that a segmentation or a mesh holds
+    neighbours  of a scan or a segmentation of several teeth, kept beside `tooth`, which must be given: {name: a number
+                or place, as for tooth}
     series, component, roi_mm (((x, y, z), (x, y, z)), lower and upper corner), allow_irregular: as the command's
     progress    True for a line on stderr, or a function called as progress(stage, done)
 
@@ -58,15 +61,17 @@ def voxelize(source=None, output=None, *, voxel_mm=0.1, thresholds=None, hounsfi
     """
     if (source is None) == (meshes is None):
         raise ValueError("voxelize needs a source or meshes, and not both")
+    if neighbours is not None and (meshes is not None or tooth is None):
+        raise ValueError("neighbours are of a scan or a segmentation, beside the tooth that is given")
     if spacing_mm is not None and not hasattr(spacing_mm, "__len__"):
         spacing_mm = (spacing_mm,) * 3
     if output is not None and not overwrite and os.path.exists(output):
         raise FileExistsError(f"{os.fspath(output)} exists; give overwrite=True")
     if meshes is not None:
-        made, text = _core.voxelize_meshes(dict(meshes), voxel_mm, repair, callback(progress))
+        made, text = _core.voxelize_meshes(dict(meshes), voxel_mm, repair, tooth, callback(progress))
     else:
         options = {"source": source, "voxel_mm": voxel_mm, "thresholds": thresholds, "hounsfield": hounsfield,
-                   "labels": labels, "spacing_mm": spacing_mm, "tooth": tooth, "series": series,
+                   "labels": labels, "spacing_mm": spacing_mm, "tooth": tooth, "neighbours": neighbours, "series": series,
                    "component": component, "roi_mm": roi_mm, "allow_irregular": allow_irregular,
                    "smooth_labels": smooth_labels}
         made, text = _core.voxelize_scan(options, os.path.join(data_folder(), "scans", "hounsfield.toml"),

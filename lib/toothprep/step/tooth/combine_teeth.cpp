@@ -42,6 +42,18 @@ void add_tooth(const LayeredTooth& from, std::uint8_t number, LayeredTooth& all,
   }
 }
 
+void refuse_same_tooth(const std::vector<LayeredTooth>& teeth, const std::vector<Body>& list) {
+  std::vector<Box> boxes;
+  for (const LayeredTooth& tooth : teeth) {
+    const Box box = bounds_of_solid(tooth);
+    for (std::size_t b = 0; b < boxes.size(); ++b)
+      if (box.min == boxes[b].min && box.max == boxes[b].max)
+        throw Error("'" + list[boxes.size()].name + "' is the same tooth as '" + list[b].name +
+                    "'");
+    boxes.push_back(box);
+  }
+}
+
 template <class T>
 BrickGrid<T> without_even_bricks(const BrickGrid<T>& from, const std::vector<T>& constants) {
   BrickGrid<T> tidy(from.first_brick(), from.brick_counts(), from.background(), constants);
@@ -56,6 +68,7 @@ BrickGrid<T> without_even_bricks(const BrickGrid<T>& from, const std::vector<T>&
 LayeredTooth combine_teeth(const std::vector<LayeredTooth>& teeth, const std::vector<Body>& list) {
   check_bodies(list);
   if (teeth.size() != list.size()) throw Error("a list of bodies needs a tooth for each");
+  refuse_same_tooth(teeth, list);
   const Lattice& lattice = teeth[0].lattice;
   Index3 lower = Index3::Constant(1 << 30), upper = -lower;
   for (const LayeredTooth& tooth : teeth) {

@@ -9,7 +9,8 @@ namespace toothprep {
 
 // One tooth for each body of the list. Where two overlap, a voxel is of the one in which it lies
 // deeper. Provenance is that of the tooth that is prepared; histories of cuts are not kept. Throws
-// Error as check_bodies(), or if the lattices differ by more than whole voxels.
+// Error as check_bodies(), or if the lattices differ by more than whole voxels, or if two bodies have
+// the very same box: then one tooth was taken twice.
 [[nodiscard]] LayeredTooth combine_teeth(const std::vector<LayeredTooth>& teeth,
                                          const std::vector<Body>& list);
 

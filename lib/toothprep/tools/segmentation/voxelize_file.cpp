@@ -1,7 +1,9 @@
 #include "toothprep/tools/segmentation/voxelize_file.h"
 
+#include <algorithm>
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <future>
 #include <memory>
 #include <utility>
@@ -25,6 +27,16 @@ struct Stopper {
   ~Stopper() { stop = true; }
 };
 
+// Of the n-th of so many bodies.
+std::function<void(const std::string&, double)> progress_of(const ScanJob& job, const Body& body,
+                                                            std::size_t n, std::size_t count) {
+  if (!job.how.progress) return {};
+  return [&job, name = body.name, n, count](const std::string& stage, double done) {
+    job.how.progress(name + ": " + stage,
+                     (static_cast<double>(n) + done) / static_cast<double>(count));
+  };
+}
+
 // Each body by itself, laid side by side.
 LayeredTooth voxelize_bodies(const ImageVolume<std::uint16_t>& labels, const ScanJob& job,
                              VoxelizeReport& report) {
@@ -34,11 +46,7 @@ LayeredTooth voxelize_bodies(const ImageVolume<std::uint16_t>& labels, const Sca
   for (const BodyLabels& body : job.bodies) {
     std::map<std::uint16_t, Tissue> tissues;
     for (const std::uint16_t value : body.values) tissues[value] = job.tissues.at(value);
-    if (job.how.progress)
-      how.progress = [&](const std::string& stage, double done) {
-        job.how.progress(body.body.name + ": " + stage, (static_cast<double>(list.size()) + done) /
-                                                            static_cast<double>(job.bodies.size()));
-      };
+    how.progress = progress_of(job, body.body, list.size(), job.bodies.size());
     VoxelizeReport own;
     teeth.push_back(voxelize_labels(labels, tissues, how, &own));
     report.notes.insert(report.notes.end(), own.notes.begin(), own.notes.end());
@@ -47,15 +55,47 @@ LayeredTooth voxelize_bodies(const ImageVolume<std::uint16_t>& labels, const Sca
   return combine_teeth(teeth, list);
 }
 
+// The tooth that is prepared and its neighbours, each made by itself. `make` is called with options and
+// a report.
+template <class Make>
+LayeredTooth with_neighbours(const ScanJob& job, const Make& make, VoxelizeReport& report) {
+  if (job.neighbours.empty()) return make(job.how, report);
+  std::vector<LayeredTooth> teeth;
+  std::vector<Body> list;
+  VoxelizeOptions how = job.how;
+  const auto add = [&](const Body& body, VoxelizeReport& own) {
+    how.progress = progress_of(job, body, list.size(), job.neighbours.size() + 1);
+    teeth.push_back(make(how, own));
+    list.push_back(body);
+  };
+  add({"tooth", BodyKind::kTooth}, report);
+  how.keep_greys = false;
+  for (const NeighbourChoice& neighbour : job.neighbours) {
+    how.tooth = neighbour.tooth;
+    how.tooth_at = neighbour.tooth_at;
+    VoxelizeReport own;
+    add(neighbour.body, own);
+    for (const std::string& note : own.notes)
+      if (std::find(report.notes.begin(), report.notes.end(), note) == report.notes.end())
+        report.notes.push_back(neighbour.body.name + ": " + note);
+  }
+  return combine_teeth(teeth, list);
+}
+
 VoxelizedScan voxelized(const ScanJob& job, std::unique_ptr<ScanSource> scan) {
   VoxelizedScan result;
   if (job.tissues.empty()) {
-    result.tooth = voxelize_scan(*scan, job.how, &result.report);
+    const auto make = [&](const VoxelizeOptions& how, VoxelizeReport& report) {
+      return voxelize_scan(*scan, how, &report);
+    };
+    result.tooth = with_neighbours(job, make, result.report);
   } else {
     const ImageVolume<std::uint16_t> labels = read_labels(*scan);
-    result.tooth = job.bodies.empty()
-                       ? voxelize_labels(labels, job.tissues, job.how, &result.report)
-                       : voxelize_bodies(labels, job, result.report);
+    const auto make = [&](const VoxelizeOptions& how, VoxelizeReport& report) {
+      return voxelize_labels(labels, job.tissues, how, &report);
+    };
+    result.tooth = job.bodies.empty() ? with_neighbours(job, make, result.report)
+                                      : voxelize_bodies(labels, job, result.report);
     const std::vector<std::string> of_scan = scan->notes();
     result.report.notes.insert(result.report.notes.begin(), of_scan.begin(), of_scan.end());
   }

@@ -18,6 +18,13 @@ struct BodyLabels {                   // which values of a segmentation are one 
   std::vector<std::uint16_t> values;  // in the segmentation
 };
 
+// A tooth that is kept beside the one that is prepared, chosen as VoxelizeOptions chooses that one.
+struct NeighbourChoice {
+  Body body;                     // name and kind
+  int tooth = 1;                 // the n-th largest piece
+  std::optional<Vec3> tooth_at;  // mm, W: the one at this place; wins over `tooth`
+};
+
 struct ScanJob {                            // what the options of `toothprep voxelize` say
   std::string path;                         // a file, or a folder with a DICOM series
   ScanReadOptions reading;                  // `labels` follows from the map below
@@ -26,6 +33,9 @@ struct ScanJob {                            // what the options of `toothprep vo
   // Of a segmentation of several teeth, each a body of its own; empty: all values are one tooth's.
   // Every value of `tissues` is in one of them, and one of them is the tooth that is prepared.
   std::vector<BodyLabels> bodies;
+  // Of a scan or segmentation of several teeth: kept beside the one that `how` chooses, which is then
+  // the body "tooth". Not with `bodies`.
+  std::vector<NeighbourChoice> neighbours;
   VoxelizeOptions how;  // grey scans: thresholds, which tooth
 };
 
