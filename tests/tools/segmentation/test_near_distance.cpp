@@ -1,4 +1,5 @@
-// Distances near a mask, its parts and signed fields against what counting says.
+// Distances near a mask, its parts, signed fields and smoothed bands against what counting says, or what
+// the same takes of the whole array.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <queue>
 #include <random>
 
+#include "toothprep/tools/segmentation/dense_filters.h"
 #include "toothprep/tools/segmentation/iso_distance.h"
 #include "toothprep/tools/segmentation/mask_parts.h"
 #include "toothprep/tools/segmentation/near_distance.h"
@@ -58,7 +60,7 @@ TEST(DepthBelowSurface, IsHalfAVoxelInTheOutermostVoxelsAndItsNegativeBesideThem
     const Index3 i = index_of(kSize, v);
     mask[v] = i.x() >= 5 && i.x() < 14 && i.y() >= 3 && i.y() < 11 && i.z() >= 2 && i.z() < 9;
   }
-  const std::vector<float> depth = depth_below_surface(kSize, mask, 3);
+  const SurfaceDepth depth(kSize, mask, 3);
   const auto at = [&](int i, int j, int k) {
     return depth[(static_cast<std::size_t>(k) * 14 + static_cast<std::size_t>(j)) * 19 +
                  static_cast<std::size_t>(i)];
@@ -102,6 +104,8 @@ TEST(MaskParts, AreThoseThatFloodingFindsFromTheLargestDown) {
     for (const bool of_rest : {false, true}) {
       const Mask mask = random_mask(3, share);
       const MaskParts parts = parts_of(kSize, mask, of_rest);
+      const auto row = [&](std::size_t r) { return mask.data() + 19 * r; };
+      EXPECT_EQ(parts_of(kSize, row, of_rest).voxels, parts.voxels);
       const std::vector<int> truth = flooded(mask, of_rest ? 0 : 1);
       std::vector<std::size_t> size(parts.count(), 0), first(parts.count(), kVoxels);
       std::vector<std::uint8_t> at_edge(parts.count(), 0);
@@ -155,6 +159,53 @@ TEST(SignedField, GivesTheSameDistancesAsTheWholeField) {
     EXPECT_EQ(field[v] > 0, values[v] > 0);
   }
   EXPECT_EQ(iso_distance(kSize, copied, 3), iso_distance(kSize, values, 3));
+}
+
+TEST(SignedField, OfLabelsTakesValuesOnlyBesideTheChangesOfSign) {
+  std::vector<std::uint8_t> labels(kVoxels);
+  std::vector<float> values(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    const double r = (index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7)).norm();
+    labels[v] = r < 2.2 ? 2 : r < 4.1 ? 3 : 1;
+    values[v] = static_cast<float>(std::min(4.1 - r, r - 2.2));  // positive in 3
+  }
+  std::vector<std::uint8_t> asked(kVoxels, 0);
+  const SignedField field(kSize, labels, 3, [&](std::size_t v) {
+    asked[v] = 1;
+    return values[v];
+  });
+  std::vector<float> copied(kVoxels);
+  field.copy(0, kVoxels, copied.data());
+  EXPECT_EQ(iso_distance(kSize, copied, 3), iso_distance(kSize, values, 3));
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    EXPECT_EQ(field[v] > 0, labels[v] == 3);
+    EXPECT_TRUE(!asked[v] || field[v] == values[v]);
+  }
+  EXPECT_LT(std::count(asked.begin(), asked.end(), 1), kVoxels / 2);
+}
+
+TEST(SmoothWhere, GivesTheSameBitsAsSmoothingTheWholeArray) {
+  // Zero in most rows, which are skipped, and at one side up to the edge, which is continued.
+  std::vector<float> values(kVoxels, 0.0f);
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    const Index3 i = index_of(kSize, v);
+    if (i.x() < 6 && i.z() > 3) values[v] = static_cast<float>(std::sin(i.x() + 2 * i.y() * i.z()));
+  }
+  std::vector<float> whole = values;
+  smooth(kSize, whole, 1.3);
+  const auto wanted = [](std::size_t v) { return index_of(kSize, v).y() > 8; };
+  BandField some(chunks_where(kVoxels, wanted));
+  const std::size_t plane = 19 * 14;
+  smooth_where(
+      kSize, 1.3, some,
+      [&](int k, float* out) {
+        std::copy_n(values.data() + static_cast<std::size_t>(k) * plane, plane, out);
+      },
+      [&](std::size_t v, float value) { some[v] = value; });
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    EXPECT_TRUE(some.has(v) || !wanted(v));
+    EXPECT_TRUE(!some.has(v) || some[v] == whole[v]);
+  }
 }
 
 TEST(IsoDistance, InSomePlanesIsWhatItIsInAll) {

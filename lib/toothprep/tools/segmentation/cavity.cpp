@@ -14,11 +14,12 @@ double smallest_cavity(double blur) { return 8 * std::pow(blur, 3); }  // voxels
 // What surrounds a cavity, and what could be one.
 struct Walls {
   double grey = 0;  // at least that bright
-  Mask wall;        // the largest piece of it
-  Mask filled;      // with what is not connected with the outside at all
-  std::size_t voxels = 0;
+  // 1 in the largest piece of it, 2 in what that closes off from the outside.
+  Mask place;
+  std::size_t voxels = 0;  // of that piece
 
-  bool closed(std::size_t v) const { return filled[v] && !wall[v]; }
+  bool wall(std::size_t v) const { return place[v] == 1; }
+  bool closed(std::size_t v) const { return place[v] == 2; }
 };
 
 Walls walls_of(const WorkBox& box, const Field& grey, const GreyClasses& classes) {
@@ -26,34 +27,46 @@ Walls walls_of(const WorkBox& box, const Field& grey, const GreyClasses& classes
   Walls walls;
   walls.grey = std::max(classes.threshold_dentin,
                         classes.dentin - 0.4 * (classes.dentin - classes.below_dentin));
-  walls.wall.resize(n);
-  for (std::size_t v = 0; v < n; ++v) walls.wall[v] = grey[v] >= walls.grey;
-  keep_largest_component(box.size, walls.wall);
-  for (std::size_t v = 0; v < n; ++v) walls.voxels += walls.wall[v];
-  walls.filled = walls.wall;
-  fill_enclosed(box.size, walls.filled);
+  walls.place.resize(n);
+  box.for_each([&](int, int, int, std::size_t v) { walls.place[v] = grey[v] >= walls.grey; });
+  keep_largest_component(box.size, walls.place);
+  for (std::size_t v = 0; v < n; ++v) walls.voxels += walls.place[v];
+  fill_enclosed(box.size, walls.place, 2);
   return walls;
 }
+
+// How far (voxels) a voxel is from where a ball's centre comes in from the outside; little beyond the
+// ball's radius all is at infinity. Beyond the box all is outside.
+struct FromOutside {
+  Index3 size = Index3::Zero();
+  NearDistance in_box;  // to such places in the box
+  double beyond = 0;    // from the box's outermost voxels to such places beyond, voxels
+
+  float at(const Index3& index, std::size_t v) const {
+    const int to_edge = std::min(index.minCoeff(), (size - Index3::Ones() - index).minCoeff());
+    return std::min(in_box[v], static_cast<float>(to_edge + beyond));
+  }
+};
 
 // Where a ball of this radius (voxels) fits, and where it comes in from the outside. Beyond the box
 // all is outside: there the centre is free at the ball's radius from the tooth, which is `margin`
 // voxels away.
 struct BallPlaces {
-  Mask open;
+  Mask open;  // 1 where it comes in, 2 where it only fits
   FromOutside from_outside;
 };
 
 BallPlaces places_of_ball(const WorkBox& box, const NearDistance& to_wall, double ball,
                           double margin) {
   BallPlaces places{Mask(box.voxels()), {}};
-  for (std::size_t v = 0; v < places.open.size(); ++v) places.open[v] = to_wall[v] > ball;
+  box.for_each([&](int, int, int, std::size_t v) { places.open[v] = to_wall[v] > ball; });
   const MaskParts balls = parts_of(box.size, places.open);
-  Mask outside(box.voxels());
   balls.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
-    std::fill(outside.data() + first, outside.data() + end, balls.at_edge[part]);
+    if (!balls.at_edge[part])
+      std::fill(places.open.data() + first, places.open.data() + end, std::uint8_t{2});
   });
   places.from_outside = {box.size,
-                         NearDistance(box.size, outside, static_cast<int>(std::ceil(ball)) + 2),
+                         NearDistance(box.size, places.open, static_cast<int>(std::ceil(ball)) + 2),
                          std::max(0.0, ball - margin)};
   return places;
 }
@@ -93,7 +106,7 @@ std::vector<PartWalls> walls_around(const WorkBox& box, const Field& grey,
           if (index[a] + side < 0 || index[a] + side >= box.size[a]) continue;
           const auto o =
               static_cast<std::size_t>(static_cast<std::ptrdiff_t>(v) + side * stride[a]);
-          if (!walls.wall[o]) continue;
+          if (!walls.wall(o)) continue;
           ++around[part].all;
           around[part].dentin += grey[o] < classes.threshold_enamel;
         }
@@ -107,7 +120,7 @@ Parts cavities_among(const WorkBox& box, const Field& grey, const GreyClasses& c
                      const Walls& walls, const BallPlaces& places, double ball, double blur) {
   Mask candidate(box.voxels());
   box.for_each([&](int i, int j, int k, std::size_t v) {
-    candidate[v] = !walls.wall[v] && places.from_outside.at(Index3(i, j, k), v) > ball + 0.5;
+    candidate[v] = !walls.wall(v) && places.from_outside.at(Index3(i, j, k), v) > ball + 0.5;
   });
   Parts found;
   found.parts = parts_of(box.size, candidate);
@@ -144,7 +157,7 @@ double typical_grey(const Field& grey, const Parts& found, const NearDistance& t
 // The cavity's mask, at its half-way border, which may lie beyond the parts (bright pulp) or within
 // (dark pulp). False if nothing is left.
 bool fill_mask(const WorkBox& box, const Field& grey, const Parts& found, const Walls& walls,
-               double blur, Cavity& cavity) {
+               const FromOutside& from_outside, double blur, Cavity& cavity) {
   Mask kept(box.voxels());
   found.for_each_kept([&](std::size_t v) { kept[v] = 1; });
   const NearDistance to_kept = cavity.border > walls.grey
@@ -154,7 +167,7 @@ bool fill_mask(const WorkBox& box, const Field& grey, const Parts& found, const 
   box.for_each([&](int i, int j, int k, std::size_t v) {
     cavity.mask[v] = grey[v] < cavity.border &&
                      (kept[v] || (!to_kept.empty() && to_kept[v] <= blur)) &&
-                     cavity.from_outside.at(Index3(i, j, k), v) > cavity.ball + 0.5;
+                     from_outside.at(Index3(i, j, k), v) > cavity.ball + 0.5;
   });
   const MaskParts pieces = parts_of(box.size, cavity.mask);
   bool any = false;
@@ -162,6 +175,11 @@ bool fill_mask(const WorkBox& box, const Field& grey, const Parts& found, const 
     const bool stays = static_cast<double>(pieces.voxels[part]) >= smallest_cavity(blur);
     if (!stays) std::fill(cavity.mask.data() + first, cavity.mask.data() + end, std::uint8_t{0});
     any = any || stays;
+  });
+  cavity.from_outside =
+      BandField(chunks_where(box.voxels(), [&](std::size_t v) { return cavity.mask[v] != 0; }));
+  box.for_each([&](int i, int j, int k, std::size_t v) {
+    if (cavity.mask[v]) cavity.from_outside[v] = from_outside.at(Index3(i, j, k), v);
   });
   return any;
 }
@@ -174,22 +192,24 @@ Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& cla
   Cavity cavity;
   Parts found;
   NearDistance to_wall;
+  FromOutside from_outside;
   for (const double radius : {0.35, 0.5, 0.75, 1.0}) {  // mm
     const double ball = std::max(2 * blur, radius / box.lattice.voxel);
     if (ball + 2 > NearDistance::kMostReach) break;
     cavity.ball = ball;
-    to_wall = NearDistance(box.size, walls.wall,
+    to_wall = NearDistance(box.size, walls.place,
                            static_cast<int>(std::ceil(std::max(cavity.ball, 3 * blur))) + 1);
     BallPlaces places = places_of_ball(box, to_wall, cavity.ball, margin);
     found = cavities_among(box, grey, classes, walls, places, cavity.ball, blur);
-    cavity.from_outside = std::move(places.from_outside);
+    from_outside = std::move(places.from_outside);
     if (static_cast<double>(found.kept_voxels) > kPulpShare * static_cast<double>(walls.voxels))
       break;
   }
   if (found.kept_voxels == 0) return {};
   cavity.grey = typical_grey(grey, found, to_wall, blur);
   cavity.border = 0.5 * (cavity.grey + classes.dentin);
-  return fill_mask(box, grey, found, walls, blur, cavity) ? cavity : Cavity{};
+  to_wall = NearDistance();
+  return fill_mask(box, grey, found, walls, from_outside, blur, cavity) ? cavity : Cavity{};
 }
 
 }  // namespace toothprep

@@ -11,24 +11,12 @@
 
 namespace toothprep {
 
-// How far (voxels) a voxel is from where a ball's centre comes in from the outside; little beyond the
-// ball's radius all is at infinity. Beyond the box all is outside.
-struct FromOutside {
-  Index3 size = Index3::Zero();
-  NearDistance in_box;  // to such places in the box
-  double beyond = 0;    // from the box's outermost voxels to such places beyond, voxels
-
-  float at(const Index3& index, std::size_t v) const {
-    const int to_edge = std::min(index.minCoeff(), (size - Index3::Ones() - index).minCoeff());
-    return std::min(in_box[v], static_cast<float>(to_edge + beyond));
-  }
-  float operator[](std::size_t v) const { return at(index_of(size, v), v); }
-};
-
 struct Cavity {
   Mask mask;        // empty if there is none
   double ball = 0;  // radius of the ball that separated inside from outside, voxels
-  FromOutside from_outside;
+  // How far (voxels) a voxel of the mask is from where the ball's centre comes in from the outside;
+  // little beyond the ball's radius all is at infinity.
+  BandField from_outside;
   double grey = 0;    // typical value in it
   double border = 0;  // grey of its border: half-way to dentin
 };

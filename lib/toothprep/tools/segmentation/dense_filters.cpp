@@ -8,8 +8,11 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+
+#include "toothprep/tools/segmentation/wide_vectors.h"
 
 namespace toothprep {
 namespace {
@@ -56,66 +59,152 @@ std::vector<float> distance_to(const Index3& size, const Mask& mask) {
 
 namespace {
 
-// out = the sum over d of weight[d] * in row r + d. The rows, beside each other along one axis, lie
-// one after another in `rows`; the first and the last are continued.
-void sum_rows(const std::vector<float>& rows, int count, std::size_t length, int r,
-              const std::vector<float>& kernel, float* out) {
-  const int radius = static_cast<int>(kernel.size() / 2);
-  std::fill(out, out + length, 0.0f);
-  for (int d = -radius; d <= radius; ++d) {
-    const float weight = kernel[static_cast<std::size_t>(d + radius)];
-    const float* in =
-        rows.data() + static_cast<std::size_t>(std::clamp(r + d, 0, count - 1)) * length;
-    for (std::size_t i = 0; i < length; ++i) out[i] += weight * in[i];
-  }
-}
-
-void smooth_rows(float* first, int count, std::size_t stride, std::size_t length,
-                 const std::vector<float>& kernel) {
-  std::vector<float> rows(static_cast<std::size_t>(count) * length);
-  for (int r = 0; r < count; ++r)
-    std::copy_n(first + static_cast<std::size_t>(r) * stride, length,
-                rows.data() + static_cast<std::size_t>(r) * length);
-  for (int r = 0; r < count; ++r)
-    sum_rows(rows, count, length, r, kernel, first + static_cast<std::size_t>(r) * stride);
-}
-
-void smooth_along(float* row, std::size_t length, const std::vector<float>& kernel,
-                  std::vector<float>& padded) {
-  const std::size_t radius = kernel.size() / 2;
-  padded.assign(length + 2 * radius, row[0]);
-  std::copy_n(row, length, padded.data() + radius);
-  std::fill(padded.data() + radius + length, padded.data() + padded.size(), row[length - 1]);
-  std::fill(row, row + length, 0.0f);
-  for (std::size_t d = 0; d < kernel.size(); ++d)
-    for (std::size_t i = 0; i < length; ++i) row[i] += kernel[d] * padded[i + d];
-}
-
-}  // namespace
-
-// Three passes of the sampled kernel, cut off at four sigma, in place. (ITK's own discrete Gaussian
-// does the same by a neighbourhood iterator and takes several times as long.)
-void smooth(const Index3& size, std::vector<float>& values, double sigma) {
-  if (!(sigma > 0)) return;
+// The kernel, cut off at four sigma.
+std::vector<float> gaussian(double sigma) {
   const int radius = std::max(1, static_cast<int>(std::ceil(4 * sigma)));
   std::vector<float> kernel;
   double sum = 0;
   for (int d = -radius; d <= radius; ++d) sum += std::exp(-0.5 * d * d / (sigma * sigma));
   for (int d = -radius; d <= radius; ++d)
     kernel.push_back(static_cast<float>(std::exp(-0.5 * d * d / (sigma * sigma)) / sum));
+  return kernel;
+}
 
+// out = the sum over d of kernel[d] * row d of `rows`; rows that are null hold zeros. A part of the
+// row at a time, whose sums stay in registers.
+void sum_rows(const std::vector<const float*>& rows, const std::vector<float>& kernel,
+              std::size_t length, float* out) {
+  constexpr std::size_t kAtOnce = 16;
+  std::size_t i = 0;
+  for (; i + kAtOnce <= length; i += kAtOnce) {
+    std::array<float, kAtOnce> sum{};
+    for (std::size_t d = 0; d < kernel.size(); ++d)
+      if (rows[d])
+        for (std::size_t n = 0; n < kAtOnce; ++n) sum[n] += kernel[d] * rows[d][i + n];
+    std::copy(sum.begin(), sum.end(), out + i);
+  }
+  for (; i < length; ++i) {
+    float sum = 0;
+    for (std::size_t d = 0; d < kernel.size(); ++d)
+      if (rows[d]) sum += kernel[d] * rows[d][i];
+    out[i] = sum;
+  }
+}
+
+// What the passes over rows need; kept from one to the next.
+struct Rows {
+  std::vector<float> values;
+  std::vector<const float*> at;
+  std::vector<const float*> taps;
+};
+
+// Rows beside each other along one axis, in place; the first and the last are continued. Zeros cost
+// nothing.
+void smooth_rows(float* first, int count, std::size_t stride, std::size_t length,
+                 const std::vector<float>& kernel, Rows& rows) {
+  rows.values.resize(static_cast<std::size_t>(count) * length);
+  rows.at.resize(static_cast<std::size_t>(count));
+  rows.taps.resize(kernel.size());
+  for (int r = 0; r < count; ++r) {
+    const float* in = first + static_cast<std::size_t>(r) * stride;
+    float* copy = rows.values.data() + static_cast<std::size_t>(r) * length;
+    std::copy_n(in, length, copy);
+    const bool zero = std::all_of(in, in + length, [](float x) { return x == 0; });
+    rows.at[static_cast<std::size_t>(r)] = zero ? nullptr : copy;
+  }
+  const int radius = static_cast<int>(kernel.size() / 2);
+  for (int r = 0; r < count; ++r) {
+    for (int d = -radius; d <= radius; ++d)
+      rows.taps[static_cast<std::size_t>(d + radius)] =
+          rows.at[static_cast<std::size_t>(std::clamp(r + d, 0, count - 1))];
+    sum_rows(rows.taps, kernel, length, first + static_cast<std::size_t>(r) * stride);
+  }
+}
+
+void smooth_along(float* row, std::size_t length, const std::vector<float>& kernel, Rows& rows) {
+  if (std::all_of(row, row + length, [](float x) { return x == 0; })) return;
+  const std::size_t radius = kernel.size() / 2;
+  rows.values.assign(length + 2 * radius, row[0]);
+  std::copy_n(row, length, rows.values.data() + radius);
+  std::fill(rows.values.data() + radius + length, rows.values.data() + rows.values.size(),
+            row[length - 1]);
+  rows.taps.resize(kernel.size());
+  for (std::size_t d = 0; d < kernel.size(); ++d) rows.taps[d] = rows.values.data() + d;
+  sum_rows(rows.taps, kernel, length, row);
+}
+
+// Along x and y.
+void smooth_plane(const Index3& size, float* plane, const std::vector<float>& kernel, Rows& rows) {
+  const auto row = static_cast<std::size_t>(size.x());
+  for (int j = 0; j < size.y(); ++j)
+    smooth_along(plane + static_cast<std::size_t>(j) * row, row, kernel, rows);
+  smooth_rows(plane, size.y(), row, row, kernel, rows);
+}
+
+}  // namespace
+
+// Three passes of the sampled kernel, in place. (ITK's own discrete Gaussian does the same by a
+// neighbourhood iterator and takes several times as long.)
+void smooth(const Index3& size, std::vector<float>& values, double sigma) {
+  if (!(sigma > 0)) return;
+  const std::vector<float> kernel = gaussian(sigma);
   const auto row = static_cast<std::size_t>(size.x());
   const std::size_t plane = row * static_cast<std::size_t>(size.y());
   tbb::parallel_for(0, size.z(), [&](int k) {
-    float* first = values.data() + static_cast<std::size_t>(k) * plane;
-    std::vector<float> padded;
-    for (int j = 0; j < size.y(); ++j)
-      smooth_along(first + static_cast<std::size_t>(j) * row, row, kernel, padded);
-    smooth_rows(first, size.y(), row, row, kernel);
+    Rows rows;
+    with_wide_vectors([&] {
+      smooth_plane(size, values.data() + static_cast<std::size_t>(k) * plane, kernel, rows);
+    });
   });
   tbb::parallel_for(0, size.y(), [&](int j) {
-    smooth_rows(values.data() + static_cast<std::size_t>(j) * row, size.z(), plane, row, kernel);
+    Rows rows;
+    with_wide_vectors([&] {
+      smooth_rows(values.data() + static_cast<std::size_t>(j) * row, size.z(), plane, row, kernel,
+                  rows);
+    });
   });
+}
+
+void smooth_where(const Index3& size, double sigma, const BandField& field,
+                  const std::function<void(int k, float* plane)>& fill,
+                  const std::function<void(std::size_t v, float value)>& take) {
+  const std::vector<float> kernel = gaussian(sigma);
+  const int radius = static_cast<int>(kernel.size() / 2);
+  const std::size_t area = static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y());
+  constexpr int kPlanes = BandField::kChunk;  // so that a chunk never lies in two parts
+  std::vector<std::vector<float>> planes(static_cast<std::size_t>(size.z()));  // those in use
+  int ready = 0;
+  for (int first = 0; first < size.z(); first += kPlanes) {
+    const int end = std::min(size.z(), first + kPlanes), needed = std::min(size.z(), end + radius);
+    tbb::parallel_for(ready, needed, [&](int k) {
+      std::vector<float>& plane = planes[static_cast<std::size_t>(k)];
+      plane.resize(area);
+      fill(k, plane.data());
+      Rows rows;
+      with_wide_vectors([&] { smooth_plane(size, plane.data(), kernel, rows); });
+    });
+    ready = needed;
+    tbb::parallel_for(first, end, [&](int k) {
+      std::vector<const float*> taps(kernel.size());
+      std::array<float, BandField::kChunk> sum;
+      const std::size_t begin = static_cast<std::size_t>(k) * area;
+      for (std::size_t v = begin; v < begin + area;) {
+        const std::size_t next =
+            std::min(begin + area, (v / BandField::kChunk + 1) * BandField::kChunk);
+        if (field.has(v)) {
+          for (int d = -radius; d <= radius; ++d)
+            taps[static_cast<std::size_t>(d + radius)] =
+                planes[static_cast<std::size_t>(std::clamp(k + d, 0, size.z() - 1))].data() +
+                (v - begin);
+          with_wide_vectors([&] { sum_rows(taps, kernel, next - v, sum.data()); });
+          for (std::size_t u = v; u < next; ++u) take(u, sum[u - v]);
+        }
+        v = next;
+      }
+    });
+    for (int k = std::max(0, first - radius); k < end - radius; ++k)
+      std::vector<float>().swap(planes[static_cast<std::size_t>(k)]);
+  }
 }
 
 }  // namespace toothprep

@@ -9,6 +9,7 @@
 #include <cstdint>
 
 #include "toothprep/step/tooth/cell_cases.h"
+#include "toothprep/tools/segmentation/wide_vectors.h"
 
 namespace toothprep {
 namespace {
@@ -56,6 +57,7 @@ const FlatCases& flat_cases() {
 }
 
 constexpr int kLanes = 8;
+using Lanes = std::array<float, kLanes>;
 
 // Squared distances of points in a row along x to a triangle. Along the row all products are linear
 // in x, and there is no branch, so that the compiler turns a call into a few vector instructions.
@@ -88,11 +90,32 @@ struct Triangle {
         {(a_ - centre).squaredNorm(), (b - centre).squaredNorm(), (c - centre).squaredNorm()}));
   }
 
-  // Of the points first + (n, 0, 0).
-  void squared_distances(const Vec3f& first, std::array<float, kLanes>& result) const {
-    const Vec3f p = first - a, q = p - ab;
-    const float p_ab = p.dot(ab), p_ac = p.dot(ac), q_bc = q.dot(bc), height = p.dot(normal);
-    const float p_side = p.tail<2>().squaredNorm(), q_side = q.tail<2>().squaredNorm();
+  // What of the products stays the same along a row, for rows beside each other: a lane each.
+  struct Rows {
+    Lanes x, q_x, p_side, q_side, p_ab, p_ac, q_bc, height;
+  };
+  // Of the points first + (0, n, 0), each moved along x by what `x` says.
+  void rows_from(float y, float z, const Lanes& x, Rows& rows) const {
+    const float pz = z - a.z(), qz = pz - ab.z();
+    for (int n = 0; n < kLanes; ++n) {
+      const float px = x[n] - a.x(), py = (y + static_cast<float>(n)) - a.y();
+      const float qx = px - ab.x(), qy = py - ab.y();
+      rows.x[n] = px;
+      rows.q_x[n] = qx;
+      rows.p_side[n] = py * py + pz * pz;
+      rows.q_side[n] = qy * qy + qz * qz;
+      rows.p_ab[n] = px * ab.x() + (py * ab.y() + pz * ab.z());
+      rows.p_ac[n] = px * ac.x() + (py * ac.y() + pz * ac.z());
+      rows.q_bc[n] = qx * bc.x() + (qy * bc.y() + qz * bc.z());
+      rows.height[n] = px * normal.x() + (py * normal.y() + pz * normal.z());
+    }
+  }
+
+  // Of the points from where row r begins on.
+  void squared_distances(const Rows& rows, int r, Lanes& result) const {
+    const float x = rows.x[r], q_x = rows.q_x[r], p_side = rows.p_side[r], q_side = rows.q_side[r],
+                p_ab = rows.p_ab[r], p_ac = rows.p_ac[r], q_bc = rows.q_bc[r],
+                height = rows.height[r];
     const auto to_segment = [](float squared, float along, float length2, float inverse) {
       const float t = std::min(std::max(along * inverse, 0.0f), 1.0f);
       return squared - t * (2 * along - t * length2);
@@ -101,7 +124,7 @@ struct Triangle {
       const auto s = static_cast<float>(n);
       const float d20 = p_ab + s * ab.x(), d21 = p_ac + s * ac.x(), d22_ = q_bc + s * bc.x();
       const float h = height + s * normal.x();
-      const float px = p.x() + s, qx = q.x() + s;
+      const float px = x + s, qx = q_x + s;
       const float pp = px * px + p_side, qq = qx * qx + q_side;
       const float edges = std::min(
           to_segment(pp, d20, d00, inverse00),
@@ -111,7 +134,7 @@ struct Triangle {
       // nearest.
       const float least = std::min(std::min(v, w), area2 - v - w);
       const float face = h * h;
-      result[static_cast<std::size_t>(n)] = least >= 0 ? face : std::max(edges, 0.0f);
+      result[n] = least >= 0 ? face : std::max(edges, 0.0f);
     }
   }
 };
@@ -133,15 +156,22 @@ class Slab {
         band_(band),
         field_(field),
         best_(distance),
+        nodes_(static_cast<std::size_t>(last - first) * plane_),
         wanted_(wanted) {}
 
   void fill() {
-    std::fill(best_, best_ + static_cast<std::size_t>(z1_ - z0_) * plane_, band_ * band_);
+    std::fill(best_, best_ + nodes_, band_ * band_);
     const int reach = static_cast<int>(std::ceil(band_));
-    for (int k = std::max(0, z0_ - reach - 1); k < std::min(nz_ - 1, z1_ + reach); ++k)
+    const int low = std::max(0, z0_ - reach - 1), high = std::min(nz_ - 1, z1_ + reach);
+    positive_.resize(2 * plane_);
+    cases_in_row_.resize(row_);
+    if (low < high) find_signs(low);
+    for (int k = low; k < high; ++k) {
+      find_signs(k + 1);
       for (int j = 0; j + 1 < ny_; ++j) visit_row(j, k);
+    }
     const float* f = field_ + static_cast<std::size_t>(z0_) * plane_;
-    for (std::size_t v = 0; v < static_cast<std::size_t>(z1_ - z0_) * plane_; ++v) {
+    for (std::size_t v = 0; v < nodes_; ++v) {
       // Never zero: the sign must separate inside from outside.
       const float d = std::max(std::sqrt(best_[v]), 1e-6f);
       best_[v] = f[v] > 0 ? -d : d;
@@ -149,19 +179,26 @@ class Slab {
   }
 
  private:
-  // The cells along x.
+  // Ones where the field is positive; of two planes at a time.
+  std::uint8_t* signs_of(int k) { return positive_.data() + (k % 2 ? plane_ : 0); }
+  void find_signs(int k) {
+    const float* f = field_ + static_cast<std::size_t>(k) * plane_;
+    std::uint8_t* positive = signs_of(k);
+    for (std::size_t v = 0; v < plane_; ++v) positive[v] = f[v] > 0;
+  }
+
+  // The cells along x: first their sign patterns, all at once.
   void visit_row(int j, int k) {
-    const float* f =
-        field_ + static_cast<std::size_t>(k) * plane_ + static_cast<std::size_t>(j) * row_;
-    int left = 0;  // the pattern's bits of the corners at the cell's lower x
-    for (int c = 0; c < 8; c += 2) left |= (f[corner_[c]] > 0) << c;
-    for (int i = 0; i + 1 < nx_; ++i, ++f) {
-      int right = 0;
-      for (int c = 0; c < 8; c += 2) right |= (f[corner_[c + 1]] > 0) << c;
-      const int inside = left | right << 1;
-      left = right;
-      if (cases_.triangles[inside] > 0) visit_cell(Index3(i, j, k), f, inside);
-    }
+    const std::size_t row = static_cast<std::size_t>(j) * row_;
+    const std::uint8_t *a = signs_of(k) + row, *b = a + row_, *c = signs_of(k + 1) + row,
+                       *d = c + row_;
+    std::uint8_t* inside = cases_in_row_.data();
+    for (std::size_t i = 0; i + 1 < row_; ++i)
+      inside[i] = static_cast<std::uint8_t>(a[i] | a[i + 1] << 1 | b[i] << 2 | b[i + 1] << 3 |
+                                            c[i] << 4 | c[i + 1] << 5 | d[i] << 6 | d[i + 1] << 7);
+    const float* f = field_ + static_cast<std::size_t>(k) * plane_ + row;
+    for (int i = 0; i + 1 < nx_; ++i)
+      if (cases_.triangles[inside[i]] > 0) visit_cell(Index3(i, j, k), f + i, inside[i]);
   }
 
   void visit_cell(const Index3& cell, const float* f, int inside) {
@@ -181,41 +218,68 @@ class Slab {
 
   // Of the nodes within the band of the ball around the triangle; others don't matter.
   void lower(const Index3& cell, const Triangle& triangle) {
-    const int i = cell.x(), j = cell.y(), k = cell.z();
+    const int j = cell.y(), k = cell.z();
     const float ball = band_ + triangle.radius;
     const Vec3f& centre = triangle.centre;
-    const auto first = [](float x, int offset, int least) {
-      return std::max(least, offset + static_cast<int>(std::ceil(x)));
-    };
-    const auto last = [](float x, int offset, int most) {
-      return std::min(most, offset + static_cast<int>(std::floor(x)));
-    };
-    const int ya = first(centre.y() - ball, j, 0), yb = last(centre.y() + ball, j, ny_ - 1);
-    const int za = first(centre.z() - ball, k, z0_), zb = last(centre.z() + ball, k, z1_ - 1);
+    const int ya = std::max(0, j + static_cast<int>(std::ceil(centre.y() - ball))),
+              yb = std::min(ny_ - 1, j + static_cast<int>(std::floor(centre.y() + ball)));
+    const int za = std::max(z0_, k + static_cast<int>(std::ceil(centre.z() - ball))),
+              zb = std::min(z1_ - 1, k + static_cast<int>(std::floor(centre.z() + ball)));
     for (int z = za; z <= zb; ++z)
-      for (int y = ya; y <= yb; ++y) {
-        const float dy = static_cast<float>(y - j) - centre.y();
-        const float dz = static_cast<float>(z - k) - centre.z();
-        const float half2 = ball * ball - dy * dy - dz * dz;
-        if (half2 <= 0) continue;
-        const std::size_t r = static_cast<std::size_t>(z - z0_) * static_cast<std::size_t>(ny_) +
-                              static_cast<std::size_t>(y);
-        const RowPart part = wanted_ ? wanted_[r] : RowPart{0, nx_};
-        const float half = std::sqrt(half2);
-        const int xb = last(centre.x() + half, i, nx_ - 1);
-        float* line = best_ + r * row_;
-        // Where the lanes begin decides their last bit, so it doesn't depend on what is wanted.
-        for (int x = first(centre.x() - half, i, 0); x <= xb && x < part.end; x += kLanes) {
-          if (x + kLanes <= part.first) continue;
-          std::array<float, kLanes> d2;
-          triangle.squared_distances(Vec3f(static_cast<float>(x - i), static_cast<float>(y - j),
-                                           static_cast<float>(z - k)),
-                                     d2);
-          const int lanes = std::min(kLanes, xb - x + 1);
-          for (int n = 0; n < lanes; ++n)
-            line[x + n] = std::min(line[x + n], d2[static_cast<std::size_t>(n)]);
-        }
+      for (int y = ya; y <= yb; y += kLanes)
+        lower_rows(cell, triangle, ball, y, std::min(kLanes, yb - y + 1), z);
+  }
+
+  // In `count` rows beside each other.
+  void lower_rows(const Index3& cell, const Triangle& triangle, float ball, int y, int count,
+                  int z) {
+    const int i = cell.x();
+    const Vec3f& centre = triangle.centre;
+    const auto from_y = static_cast<float>(y - cell.y()), from_z = static_cast<float>(z - cell.z());
+    const float dz = from_z - centre.z();
+    // Where the row enters the ball and leaves it.
+    Lanes half2, x;
+    std::array<int, kLanes> first, last;
+    for (int n = 0; n < kLanes; ++n) {
+      const float dy = (from_y + static_cast<float>(n)) - centre.y();
+      half2[n] = ball * ball - dy * dy - dz * dz;
+      const float half = std::sqrt(std::max(half2[n], 0.0f));
+      first[n] = std::max(0, i + static_cast<int>(std::ceil(centre.x() - half)));
+      last[n] = std::min(nx_ - 1, i + static_cast<int>(std::floor(centre.x() + half)));
+      x[n] = static_cast<float>(first[n] - i);
+    }
+    Triangle::Rows rows;
+    const std::size_t r = static_cast<std::size_t>(z - z0_) * static_cast<std::size_t>(ny_) +
+                          static_cast<std::size_t>(y);
+    // Where the lanes begin decides their last bit, so it doesn't depend on what is wanted.
+    for (bool more = true; more;) {
+      triangle.rows_from(from_y, from_z, x, rows);
+      more = false;
+      for (int n = 0; n < count; ++n) {
+        if (!(half2[n] > 0) || first[n] > last[n]) continue;
+        const std::size_t row = r + static_cast<std::size_t>(n);
+        if (!wanted_ || (first[n] < wanted_[row].end && first[n] + kLanes > wanted_[row].first))
+          lower_nodes(triangle, rows, n, row * row_ + static_cast<std::size_t>(first[n]),
+                      last[n] - first[n] + 1);
+        first[n] += kLanes;
+        x[n] += kLanes;
+        more = more || first[n] <= last[n];
       }
+    }
+  }
+
+  // The `count` nodes from `at` on along row r, as many as there are lanes at most.
+  void lower_nodes(const Triangle& triangle, const Triangle::Rows& rows, int r, std::size_t at,
+                   int count) {
+    Lanes d2;
+    triangle.squared_distances(rows, r, d2);
+    for (int n = 0; n < kLanes; ++n) d2[n] = n < count ? d2[n] : band_ * band_;
+    float* node = best_ + at;
+    if (at + kLanes <= nodes_) {
+      for (int n = 0; n < kLanes; ++n) node[n] = std::min(node[n], d2[n]);
+    } else {
+      for (int n = 0; n < std::min(kLanes, count); ++n) node[n] = std::min(node[n], d2[n]);
+    }
   }
 
   const FlatCases& cases_ = flat_cases();
@@ -225,7 +289,9 @@ class Slab {
   float band_;
   const float* field_;
   float* best_;
+  std::size_t nodes_;
   const RowPart* wanted_;
+  std::vector<std::uint8_t> positive_, cases_in_row_;
 };
 
 }  // namespace
@@ -244,7 +310,8 @@ std::vector<float> iso_distance(const Index3& size, const std::vector<float>& fi
 
 void iso_distance_in(const Index3& size, const float* field, float band, int first, int last,
                      float* distance, const RowPart* wanted) {
-  Slab(size, field, band, first, last, distance, wanted).fill();
+  Slab slab(size, field, band, first, last, distance, wanted);
+  with_wide_vectors([&] { slab.fill(); });
 }
 
 }  // namespace toothprep

@@ -86,6 +86,13 @@ void number_parts(const Index3& size, Joined& joined, MaskParts& parts) {
 }  // namespace
 
 MaskParts parts_of(const Index3& size, const Mask& mask, bool of_rest) {
+  const auto length = static_cast<std::size_t>(size.x());
+  return parts_of(
+      size, [&](std::size_t row) { return mask.data() + row * length; }, of_rest);
+}
+
+MaskParts parts_of(const Index3& size, const std::function<const std::uint8_t*(std::size_t)>& row,
+                   bool of_rest) {
   MaskParts parts;
   parts.row = static_cast<std::size_t>(size.x());
   const auto ny = static_cast<std::size_t>(size.y()), nz = static_cast<std::size_t>(size.z());
@@ -96,7 +103,7 @@ MaskParts parts_of(const Index3& size, const Mask& mask, bool of_rest) {
   };
   for (std::size_t j = 0; j < ny * nz; ++j) {
     const std::size_t from = parts.runs.size();
-    find_runs(mask.data() + j * parts.row, parts.row, of_rest ? 0 : 1, parts, joined);
+    find_runs(row(j), parts.row, of_rest ? 0 : 1, parts, joined);
     parts.row_end.push_back(static_cast<std::uint32_t>(parts.runs.size()));
     if (j % ny > 0)
       join_rows(parts, from, parts.runs.size(), row_begin(j - 1), parts.row_end[j - 1], joined);
@@ -113,10 +120,10 @@ void keep_largest_component(const Index3& size, Mask& mask) {
   });
 }
 
-void fill_enclosed(const Index3& size, Mask& mask) {
+void fill_enclosed(const Index3& size, Mask& mask, std::uint8_t value) {
   const MaskParts rest = parts_of(size, mask, /*of_rest=*/true);
   rest.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
-    if (!rest.at_edge[part]) std::fill(mask.data() + first, mask.data() + end, std::uint8_t{1});
+    if (!rest.at_edge[part]) std::fill(mask.data() + first, mask.data() + end, value);
   });
 }
 

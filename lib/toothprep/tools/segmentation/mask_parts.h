@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "toothprep/step/core/geometry.h"
@@ -43,11 +44,15 @@ struct MaskParts {
 
 // Parts whose voxels share faces, of the mask or of what it leaves.
 MaskParts parts_of(const Index3& size, const Mask& mask, bool of_rest = false);
+// The same of a mask that is made row by row along x: `row` gives the values of the n-th, and is called
+// for one after another.
+MaskParts parts_of(const Index3& size, const std::function<const std::uint8_t*(std::size_t)>& row,
+                   bool of_rest = false);
 
 // Keeps the largest part of the mask; an empty mask stays empty.
 void keep_largest_component(const Index3& size, Mask& mask);
 
-// Sets every voxel that is not connected (by faces, outside the mask) with the array's edge.
-void fill_enclosed(const Index3& size, Mask& mask);
+// Sets every voxel that is not connected (by faces, outside the mask) with the array's edge: to `value`.
+void fill_enclosed(const Index3& size, Mask& mask, std::uint8_t value = 1);
 
 }  // namespace toothprep

@@ -54,25 +54,20 @@ double grey_beyond(const std::vector<std::optional<MetalEdge>>& edges, double to
 }
 
 // Of the places around the foot of a voxel on the surface.
-bool metal_around(const WorkBox& box, const SurfaceProfiles& profiles,
+bool metal_around(const SurfaceProfiles& profiles,
                   const std::vector<std::optional<MetalEdge>>& edges,
                   const std::vector<double>& surface, const Vec3& at, const Vec3& foot,
                   const Vec3& inwards, MetalSurface::Voxel& voxel) {
-  const Index3 centre = foot.array().round().cast<int>();
   double inside = 0, outer = 0;
   int count = 0;
-  for (int n = 0; n < 27; ++n) {
-    const Index3 i = centre + Index3(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
-    if (i.minCoeff() < 0 || (box.size - i).minCoeff() <= 0) continue;
-    const std::int32_t p = profiles.place[box.offset(i.x(), i.y(), i.z())];
-    if (p < 0 || !edges[static_cast<std::size_t>(p)]) continue;
-    const auto u = static_cast<std::size_t>(p);
+  profiles.for_each_around(foot.array().round().cast<int>(), [&](std::size_t p) {
+    if (!edges[p]) return;
     // With both normals a sphere's curvature falls out: its points have no distance from each other.
-    const Vec3 normal = 0.5 * (profiles.inwards[u] + inwards);
-    inside += (at - i.cast<double>()).dot(normal) - profiles.zero[u] - surface[u];
-    outer += edges[u]->outer;
+    const Vec3 normal = 0.5 * (profiles.inwards[p] + inwards);
+    inside += (at - profiles.voxel[p].cast<double>()).dot(normal) - profiles.zero[p] - surface[p];
+    outer += edges[p]->outer;
     ++count;
-  }
+  });
   if (count == 0) return false;
   voxel.inside = static_cast<float>(inside / count);
   voxel.outer = static_cast<float>(outer / count);
@@ -104,9 +99,9 @@ MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& sc
   if (all || !any) return MetalSurface();
 
   const double reach = 3 * blur;
-  const Field depth = depth_below_surface(box.size, result.metal,
-                                          static_cast<int>(std::ceil(reach + 2 * blur + 0.5)));
-  const Field level = inward_level(box, depth, reach, blur);
+  const SurfaceDepth depth(box.size, result.metal,
+                           static_cast<int>(std::ceil(reach + 2 * blur + 0.5)));
+  const BandField level = inward_level(box, depth, reach, reach, blur);
   const SurfaceProfiles profiles = surface_profiles(box, scan, grey, depth, level, border, blur);
   std::vector<std::optional<MetalEdge>> edges(profiles.count());
   for (std::size_t p = 0; p < edges.size(); ++p) edges[p] = edge_of(profiles, p, top, blur);
@@ -127,12 +122,16 @@ MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& sc
     MetalSurface::Voxel voxel;
     voxel.at = v;
     const Vec3 inwards = inwards_at(box, level, index);
-    if (metal_around(box, profiles, edges, surface, at, at - (depth[v] - 0.5) * inwards, inwards,
-                     voxel))
+    if (metal_around(profiles, edges, surface, at, at - (depth[v] - 0.5) * inwards, inwards, voxel))
       planes[static_cast<std::size_t>(k)].push_back(voxel);
   });
-  for (const auto& plane : planes)
+  std::size_t count = 0;
+  for (const auto& plane : planes) count += plane.size();
+  result.voxels.reserve(count);
+  for (auto& plane : planes) {
     result.voxels.insert(result.voxels.end(), plane.begin(), plane.end());
+    std::vector<MetalSurface::Voxel>().swap(plane);
+  }
   return result;
 }
 

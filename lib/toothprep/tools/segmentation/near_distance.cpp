@@ -1,9 +1,11 @@
 #include "toothprep/tools/segmentation/near_distance.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 namespace toothprep {
 namespace {
@@ -110,12 +112,20 @@ Mask outermost_of(const Index3& size, const Mask& mask) {
   return result;
 }
 
-std::vector<float> depth_below_surface(const Index3& size, const Mask& mask, int reach) {
-  const NearDistance outermost(size, outermost_of(size, mask), reach);
-  std::vector<float> depth(mask.size());
-  for (std::size_t v = 0; v < depth.size(); ++v)
-    depth[v] = mask[v] ? 0.5f + outermost[v] : 0.5f - outermost[v];
-  return depth;
+SurfaceDepth::SurfaceDepth(const Index3& size, const Mask& mask, int reach) {
+  NearDistance outermost(size, outermost_of(size, mask), reach);
+  const auto codes = static_cast<std::uint16_t>(outermost.most_ + 2);  // on either side
+  for (const float side : {1.0f, -1.0f})
+    for (int squared = 0; squared < codes; ++squared)
+      depth_.push_back(0.5f + side * (squared > outermost.most_
+                                          ? std::numeric_limits<float>::infinity()
+                                          : std::sqrt(static_cast<float>(squared))));
+  code_ = std::move(outermost.squared_);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, code_.size()), [&](const auto& range) {
+    for (std::size_t v = range.begin(); v < range.end(); ++v)
+      code_[v] = static_cast<std::uint16_t>(std::min<std::uint16_t>(code_[v], codes - 1) +
+                                            (mask[v] ? 0 : codes));
+  });
 }
 
 }  // namespace toothprep

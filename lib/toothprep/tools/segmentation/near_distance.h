@@ -27,6 +27,8 @@ class NearDistance {
   }
 
  private:
+  friend class SurfaceDepth;
+
   std::vector<std::uint16_t> squared_;
   std::uint16_t most_ = 0;  // what is larger is farther away than the reach
 };
@@ -37,6 +39,15 @@ Mask outermost_of(const Index3& size, const Mask& mask);
 
 // Depth below the mask's surface as far as `reach` - 1/2, else infinity with its sign: positive inside,
 // negative outside, the surface half a voxel outside of the outermost voxels' centres.
-std::vector<float> depth_below_surface(const Index3& size, const Mask& mask, int reach);
+class SurfaceDepth {
+ public:
+  SurfaceDepth(const Index3& size, const Mask& mask, int reach);
+
+  float operator[](std::size_t v) const { return depth_[code_[v]]; }
+
+ private:
+  std::vector<std::uint16_t> code_;  // of each voxel
+  std::vector<float> depth_;         // of each code
+};
 
 }  // namespace toothprep

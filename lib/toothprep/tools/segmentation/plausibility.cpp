@@ -1,34 +1,42 @@
 #include "toothprep/tools/segmentation/plausibility.h"
 
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
 #include <array>
 
 namespace toothprep {
 
 Layers layers_of(const WorkBox& box, const ToothFields& fields) {
-  const auto at = [&](std::size_t v) {
-    return fields.solid[v] > 0 ? static_cast<Tissue>(fields.label[v]) : Tissue::kAir;
-  };
-  const std::array<std::size_t, 3> stride = {
-      1, static_cast<std::size_t>(box.size.x()),
-      static_cast<std::size_t>(box.size.x()) * static_cast<std::size_t>(box.size.y())};
+  const std::vector<std::uint8_t>& label = fields.label;
+  const std::array<std::size_t, 3> stride = {1, box.offset(0, 1, 0), box.offset(0, 0, 1)};
   std::vector<Layers> by_plane(static_cast<std::size_t>(box.size.z()));
-  box.for_each([&](int i, int j, int k, std::size_t v) {
+  tbb::parallel_for(0, box.size.z(), [&](int k) {
     Layers& plane = by_plane[static_cast<std::size_t>(k)];
-    const Tissue here = at(v);
-    plane.enamel += here == Tissue::kEnamel;
-    plane.dentin += here == Tissue::kDentin;
-    plane.pulp += here == Tissue::kPulp;
-    const Index3 index(i, j, k);
-    for (int a = 0; a < 3; ++a) {
-      if (index[a] + 1 == box.size[a]) continue;
-      const Tissue next = at(v + stride[static_cast<std::size_t>(a)]);
-      const auto between = [&](Tissue x, Tissue y) {
-        return (here == x && next == y) || (here == y && next == x);
-      };
-      plane.enamel_air += between(Tissue::kEnamel, Tissue::kAir);
-      plane.enamel_dentin += between(Tissue::kEnamel, Tissue::kDentin);
-      plane.dentin_air += between(Tissue::kDentin, Tissue::kAir);
-    }
+    const std::size_t first = box.offset(0, 0, k), last = first + stride[2];
+    const auto count = [&](Tissue t) {
+      return static_cast<double>(
+          std::count(label.data() + first, label.data() + last, static_cast<std::uint8_t>(t)));
+    };
+    plane.enamel = count(Tissue::kEnamel);
+    plane.dentin = count(Tissue::kDentin);
+    plane.pulp = count(Tissue::kPulp);
+    for (int j = 0; j < box.size.y(); ++j)
+      for (std::size_t a = 0; a < 3; ++a) {
+        if ((a == 1 && j + 1 == box.size.y()) || (a == 2 && k + 1 == box.size.z())) continue;
+        const std::size_t row = box.offset(0, j, k), end = row + stride[1] - (a == 0);
+        for (std::size_t v = row; v < end; ++v) {
+          if (label[v] == label[v + stride[a]]) continue;
+          const auto here = static_cast<Tissue>(label[v]),
+                     next = static_cast<Tissue>(label[v + stride[a]]);
+          const auto between = [&](Tissue x, Tissue y) {
+            return (here == x && next == y) || (here == y && next == x);
+          };
+          plane.enamel_air += between(Tissue::kEnamel, Tissue::kAir);
+          plane.enamel_dentin += between(Tissue::kEnamel, Tissue::kDentin);
+          plane.dentin_air += between(Tissue::kDentin, Tissue::kAir);
+        }
+      }
   });
   Layers all;
   for (const Layers& plane : by_plane) {

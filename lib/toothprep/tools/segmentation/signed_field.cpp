@@ -9,52 +9,53 @@ namespace toothprep {
 
 namespace {
 
-constexpr int kPlanes = 16;  // so that a chunk never lies in two parts
+constexpr int kPlanesOfPart = 16;  // so that a chunk never lies in two parts
 constexpr std::uint32_t kNegative = 0, kPositive = 1, kStored = 2;
 
 }  // namespace
 
-// The planes first .. first + kPlanes - 1: which chunks are stored, and their values.
-void SignedField::add_planes(const Index3& size, const FillPlane& fill, int first,
+// The planes first .. first + kPlanesOfPart - 1: which chunks are stored, and their values.
+void SignedField::add_planes(const Index3& size, const std::vector<std::uint8_t>& labels,
+                             std::uint8_t inside, const ValueAt& value, int first,
                              std::vector<float>& stored) {
   const auto row = static_cast<std::size_t>(size.x()),
              plane = row * static_cast<std::size_t>(size.y());
-  const int low = std::max(0, first - 1), last = std::min(size.z(), first + kPlanes),
-            high = std::min(size.z(), last + 1);
-  std::vector<float> values(static_cast<std::size_t>(high - low) * plane);
-  for (int k = low; k < high; ++k)
-    fill(k, values.data() + static_cast<std::size_t>(k - low) * plane);
   const std::array<std::size_t, 3> strides = {1, row, plane};
-  // A neighbour across the end of a row stores a chunk too many at most.
-  const auto changes = [&](std::size_t v) {
-    const bool positive = values[v] > 0;
-    return std::any_of(strides.begin(), strides.end(), [&](std::size_t stride) {
-      return (v >= stride && (values[v - stride] > 0) != positive) ||
-             (v + stride < values.size() && (values[v + stride] > 0) != positive);
-    });
-  };
-  const std::size_t begin = static_cast<std::size_t>(first - low) * plane,
-                    end = static_cast<std::size_t>(last - low) * plane;
-  std::size_t c = static_cast<std::size_t>(first) * plane / kChunk;
-  for (std::size_t v = begin; v < end; v += kChunk, ++c) {
-    const std::size_t chunk_end = std::min(end, v + kChunk);
-    chunk_[c] = values[v] > 0 ? kPositive : kNegative;
-    for (std::size_t u = v; u < chunk_end && chunk_[c] != kStored; ++u)
-      if (changes(u)) chunk_[c] = kStored;
-    if (chunk_[c] != kStored) continue;
-    stored.insert(stored.end(), values.data() + v, values.data() + chunk_end);
-    stored.resize((stored.size() + kChunk - 1) / kChunk * kChunk);
+  const std::size_t end =
+      static_cast<std::size_t>(std::min(size.z(), first + kPlanesOfPart)) * plane;
+  for (std::size_t v = static_cast<std::size_t>(first) * plane; v < end; v += kChunk) {
+    const std::size_t count = std::min(kChunk, end - v);
+    const std::uint8_t* here = labels.data() + v;
+    // Where a neighbour has the other sign. One across the end of a row counts as well: a value too
+    // many at most.
+    std::array<std::uint8_t, kChunk> changes{};
+    const auto compare = [&](const std::uint8_t* there, std::size_t from, std::size_t to) {
+      for (std::size_t n = from; n < to; ++n)
+        changes[n] |= (here[n] == inside) != (there[n - from] == inside);
+    };
+    for (const std::size_t stride : strides) {
+      const std::size_t from = v >= stride ? 0 : std::min(count, stride - v),
+                        after = labels.size() - std::min(labels.size(), v + stride);
+      if (from < count) compare(labels.data() + (v + from - stride), from, count);
+      if (after > 0) compare(labels.data() + (v + stride), 0, std::min(count, after));
+    }
+    std::uint32_t& place = chunk_[v / kChunk];
+    place = *here == inside ? kPositive : kNegative;
+    if (std::all_of(changes.begin(), changes.end(), [](std::uint8_t c) { return c == 0; }))
+      continue;
+    place = kStored;
+    for (std::size_t n = 0; n < kChunk; ++n)
+      stored.push_back(changes[n] ? value(v + n) : n < count && here[n] == inside ? 0.5f : -0.5f);
   }
 }
 
-SignedField::SignedField(const Index3& size, const FillPlane& fill) {
-  const std::size_t n = static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()) *
-                        static_cast<std::size_t>(size.z());
-  chunk_.resize((n + kChunk - 1) / kChunk);
+SignedField::SignedField(const Index3& size, const std::vector<std::uint8_t>& labels,
+                         std::uint8_t inside, const ValueAt& value) {
+  chunk_.resize((labels.size() + kChunk - 1) / kChunk);
   std::vector<std::vector<float>> stored(
-      static_cast<std::size_t>((size.z() + kPlanes - 1) / kPlanes));
+      static_cast<std::size_t>((size.z() + kPlanesOfPart - 1) / kPlanesOfPart));
   tbb::parallel_for(std::size_t{0}, stored.size(), [&](std::size_t part) {
-    add_planes(size, fill, static_cast<int>(part) * kPlanes, stored[part]);
+    add_planes(size, labels, inside, value, static_cast<int>(part) * kPlanesOfPart, stored[part]);
   });
   std::uint32_t count = kStored;
   for (std::uint32_t& c : chunk_)
@@ -68,12 +69,11 @@ SignedField::SignedField(const Index3& size, const FillPlane& fill) {
   }
 }
 
-SignedField::SignedField(const Index3& size, const std::vector<float>& values)
-    : SignedField(size, [&](int k, float* plane) {
-        const std::size_t area =
-            static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y());
-        std::copy_n(values.data() + static_cast<std::size_t>(k) * area, area, plane);
-      }) {}
+SignedField::SignedField(const Index3& size, const std::vector<float>& values) {
+  Mask positive(values.size());
+  for (std::size_t v = 0; v < values.size(); ++v) positive[v] = values[v] > 0;
+  *this = SignedField(size, positive, 1, [&](std::size_t v) { return values[v]; });
+}
 
 void SignedField::copy(std::size_t first, std::size_t count, float* values) const {
   for (std::size_t v = first; v < first + count;) {

@@ -6,18 +6,20 @@
 #include <functional>
 #include <vector>
 
-#include "toothprep/step/core/geometry.h"
+#include "toothprep/tools/segmentation/mask_parts.h"
 
 namespace toothprep {
 
 class SignedField {
  public:
-  using FillPlane = std::function<void(int k, float* values)>;
+  using ValueAt = std::function<float(std::size_t v)>;
 
   SignedField() = default;
-  // Of one value per voxel, x fastest, nowhere zero. `fill` gives those of plane k, and is called from
-  // several threads, for some planes twice; the field is never held as a whole.
-  SignedField(const Index3& size, const FillPlane& fill);
+  // Positive where the mask (or a volume of labels), x fastest, is `inside`; of what `value` says beside
+  // the changes of sign, from several threads: of that sign and never zero.
+  SignedField(const Index3& size, const std::vector<std::uint8_t>& labels, std::uint8_t inside,
+              const ValueAt& value);
+  // Of one value per voxel, nowhere zero.
   SignedField(const Index3& size, const std::vector<float>& values);
 
   bool empty() const { return chunk_.empty(); }
@@ -30,7 +32,8 @@ class SignedField {
 
  private:
   static constexpr std::size_t kChunk = 16;
-  void add_planes(const Index3& size, const FillPlane& fill, int first, std::vector<float>& stored);
+  void add_planes(const Index3& size, const std::vector<std::uint8_t>& labels, std::uint8_t inside,
+                  const ValueAt& value, int first, std::vector<float>& stored);
 
   std::vector<std::uint32_t> chunk_;  // place of the chunk's values; 0 and 1 are -0.5 and 0.5
   std::vector<float> values_;

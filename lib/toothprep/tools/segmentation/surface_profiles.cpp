@@ -5,6 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
+#include <utility>
+
+#include "toothprep/tools/segmentation/wide_vectors.h"
 
 namespace toothprep {
 namespace {
@@ -55,71 +59,181 @@ std::optional<double> crossing(const WorkBox& box, const Field& grey, const Vec3
   return {};
 }
 
-void find_places(const WorkBox& box, const Field& grey, const Field& depth, const Field& level,
-                 double border, double blur, SurfaceProfiles& profiles) {
-  profiles.place.assign(box.voxels(), -1);
-  std::size_t v = 0;
-  for (int k = 0; k < box.size.z(); ++k)
-    for (int j = 0; j < box.size.y(); ++j)
+void find_places(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
+                 const BandField& level, double border, double blur, SurfaceProfiles& profiles) {
+  struct Place {
+    Index3 voxel;
+    Vec3 inwards;
+    double zero;
+  };
+  const auto ny = static_cast<std::size_t>(box.size.y());
+  std::vector<std::vector<Place>> planes(static_cast<std::size_t>(box.size.z()));
+  profiles.size = box.size;
+  profiles.row_end.assign(planes.size() * ny, 0);
+  tbb::parallel_for(0, box.size.z(), [&](int k) {
+    std::vector<Place>& plane = planes[static_cast<std::size_t>(k)];
+    std::size_t v = box.offset(0, 0, k);
+    for (int j = 0; j < box.size.y(); ++j) {
       for (int i = 0; i < box.size.x(); ++i, ++v) {
         if (!(depth[v] >= 0 && depth[v] < 1)) continue;
         const Index3 index(i, j, k);
         const Vec3 inwards = inwards_at(box, level, index);
         if (inwards.isZero()) continue;
         const auto zero = crossing(box, grey, index.cast<double>(), inwards, border, 1 + blur);
-        if (!zero) continue;
-        profiles.place[v] = static_cast<std::int32_t>(profiles.voxel.size());
-        profiles.voxel.push_back(index);
-        profiles.inwards.push_back(inwards);
-        profiles.zero.push_back(*zero);
+        if (zero) plane.push_back({index, inwards, *zero});
       }
-}
-
-std::vector<Index3> ball(double radius) {
-  const int r = static_cast<int>(radius);
-  std::vector<Index3> offsets;
-  for (int k = -r; k <= r; ++k)
-    for (int j = -r; j <= r; ++j)
-      for (int i = -r; i <= r; ++i)
-        if (i * i + j * j + k * k <= radius * radius) offsets.emplace_back(i, j, k);
-  return offsets;
-}
-
-void average_along(const WorkBox& box, double blur, SurfaceProfiles& profiles) {
-  const std::vector<Index3> near = ball(kAlong * blur);
-  const auto samples = static_cast<std::size_t>(profiles.samples);
-  std::vector<float> mean(profiles.grey.size());
-  tbb::parallel_for(std::size_t{0}, profiles.count(), [&](std::size_t p) {
-    std::vector<double> sum(samples);
-    double weight = 0;
-    for (const Index3& offset : near) {
-      const Index3 at = profiles.voxel[p] + offset;
-      if (at.minCoeff() < 0 || (box.size - at).minCoeff() <= 0) continue;
-      const std::int32_t q = profiles.place[box.offset(at.x(), at.y(), at.z())];
-      if (q < 0) continue;
-      const auto other = static_cast<std::size_t>(q);
-      if (profiles.inwards[p].dot(profiles.inwards[other]) < kSameNormal) continue;
-      const float* grey = profiles.of(other);
-      for (std::size_t s = 0; s < samples; ++s) sum[s] += grey[s];
-      weight += 1;
+      profiles.row_end[static_cast<std::size_t>(k) * ny + static_cast<std::size_t>(j)] =
+          static_cast<std::uint32_t>(plane.size());
     }
-    for (std::size_t s = 0; s < samples; ++s)
-      mean[p * samples + s] = static_cast<float>(sum[s] / weight);
   });
-  profiles.grey.swap(mean);
+  for (std::size_t k = 0; k < planes.size(); ++k) {
+    for (std::size_t j = 0; j < ny; ++j)
+      profiles.row_end[k * ny + j] += static_cast<std::uint32_t>(profiles.count());
+    for (const Place& place : planes[k]) {
+      profiles.voxel.push_back(place.voxel);
+      profiles.inwards.push_back(place.inwards);
+      profiles.zero.push_back(place.zero);
+    }
+  }
+}
+
+struct BallRow {  // of voxels around a centre, along x
+  int y, z, half;
+};
+
+std::vector<BallRow> ball(double radius) {
+  const int r = static_cast<int>(radius);
+  std::vector<BallRow> rows;
+  for (int z = -r; z <= r; ++z)
+    for (int y = -r; y <= r; ++y) {
+      int half = r;
+      while (half >= 0 && half * half + y * y + z * z > radius * radius) --half;
+      if (half >= 0) rows.push_back({y, z, half});
+    }
+  return rows;
+}
+
+// The places in the ball around a place whose normal is about the same. One place after another along
+// a row, so that each of the ball's rows is walked once.
+class SameNormal {
+ public:
+  SameNormal(const SurfaceProfiles& profiles, const std::vector<BallRow>& ball)
+      : profiles_(profiles), ball_(ball), rows_(ball.size()) {}
+
+  const std::vector<std::size_t>& around(std::size_t p) {
+    const Index3 at = profiles_.voxel[p];
+    if (at.y() != y_ || at.z() != z_) enter_row(at.y(), at.z());
+    found_.clear();
+    for (std::size_t n = 0; n < ball_.size(); ++n) {
+      Walk& row = rows_[n];
+      while (row.next < row.end && profiles_.voxel[row.next].x() < at.x() - ball_[n].half)
+        ++row.next;
+      for (std::size_t other = row.next;
+           other < row.end && profiles_.voxel[other].x() <= at.x() + ball_[n].half; ++other)
+        if (profiles_.inwards[p].dot(profiles_.inwards[other]) >= kSameNormal)
+          found_.push_back(other);
+    }
+    return found_;
+  }
+
+ private:
+  struct Walk {
+    std::size_t next = 0, end = 0;
+  };
+  void enter_row(int y, int z) {
+    y_ = y, z_ = z;
+    for (std::size_t n = 0; n < ball_.size(); ++n) {
+      const auto [first, end] = profiles_.row(y + ball_[n].y, z + ball_[n].z);
+      rows_[n] = {first, end};
+    }
+  }
+
+  const SurfaceProfiles& profiles_;
+  const std::vector<BallRow>& ball_;
+  std::vector<Walk> rows_;
+  std::vector<std::size_t> found_;
+  int y_ = -1, z_ = -1;
+};
+
+// The mean of some profiles. Some samples of all of them at a time, whose sums stay in registers.
+void mean_of(const SurfaceProfiles& profiles, const std::vector<std::size_t>& some, float* mean) {
+  constexpr int kAtOnce = 16;
+  const auto count = static_cast<double>(some.size());
+  int s = 0;
+  for (; s + kAtOnce <= profiles.samples; s += kAtOnce) {
+    std::array<double, kAtOnce> sum{};
+    for (const std::size_t p : some) {
+      const float* grey = profiles.of(p) + s;
+      for (int n = 0; n < kAtOnce; ++n) sum[n] += grey[n];
+    }
+    for (int n = 0; n < kAtOnce; ++n) mean[s + n] = static_cast<float>(sum[n] / count);
+  }
+  for (; s < profiles.samples; ++s) {
+    double sum = 0;
+    for (const std::size_t p : some) sum += profiles.of(p)[s];
+    mean[s] = static_cast<float>(sum / count);
+  }
+}
+
+// Some planes' places at a time; their means take the profiles' place when no other plane needs these.
+void average_along(double blur, SurfaceProfiles& profiles) {
+  const std::vector<BallRow> near = ball(kAlong * blur);
+  const auto samples = static_cast<std::size_t>(profiles.samples);
+  const auto ny = static_cast<std::size_t>(profiles.size.y());
+  const int reach = static_cast<int>(kAlong * blur);
+  const auto places_before = [&](int plane) {
+    return plane == 0 ? std::size_t{0}
+                      : std::size_t{profiles.row_end[static_cast<std::size_t>(plane) * ny - 1]};
+  };
+  struct Means {
+    int end;  // plane
+    std::size_t first;
+    std::vector<float> values;
+  };
+  std::deque<Means> waiting;
+  const auto take_over = [&](int plane) {
+    for (; !waiting.empty() && waiting.front().end + reach <= plane; waiting.pop_front())
+      std::copy(
+          waiting.front().values.begin(), waiting.front().values.end(),
+          profiles.grey.begin() + static_cast<std::ptrdiff_t>(waiting.front().first * samples));
+  };
+  constexpr int kAtOnce = 16;
+  for (int plane = 0; plane < profiles.size.z(); plane += kAtOnce) {
+    const int end = std::min(profiles.size.z(), plane + kAtOnce);
+    const std::size_t first = places_before(plane), last = places_before(end);
+    Means means{end, first, std::vector<float>((last - first) * samples)};
+    tbb::parallel_for(plane, end, [&](int k) {
+      SameNormal same(profiles, near);
+      with_wide_vectors([&] {
+        for (std::size_t p = places_before(k); p < places_before(k + 1); ++p)
+          mean_of(profiles, same.around(p), means.values.data() + (p - first) * samples);
+      });
+    });
+    waiting.push_back(std::move(means));
+    take_over(end);
+  }
+  take_over(profiles.size.z() + reach);
 }
 
 }  // namespace
 
-Field inward_level(const WorkBox& box, const Field& depth, double reach, double blur) {
-  Field level(box.voxels());
-  const auto far = static_cast<float>(reach + 2 * blur);
-  for (std::size_t v = 0; v < level.size(); ++v) level[v] = std::clamp(depth[v], -far, far);
-  smooth(box.size, level, std::max(1.0, 0.5 * blur));
+BandField inward_level(const WorkBox& box, const SurfaceDepth& depth, double outside, double inside,
+                       double blur) {
+  const auto far = static_cast<float>(std::max(outside, inside) + 2 * blur);
+  // With the neighbours that its gradient is from: none is deeper by more than one.
+  BandField level(chunks_where(box.voxels(), [&](std::size_t v) {
+    return depth[v] > -outside - 1 && depth[v] < inside + 1;
+  }));
+  const auto fill = [&](int k, float* plane) {
+    const std::size_t first = box.offset(0, 0, k), area = box.offset(0, 0, 1);
+    for (std::size_t v = 0; v < area; ++v) plane[v] = std::clamp(depth[first + v], -far, far);
+  };
+  smooth_where(box.size, std::max(1.0, 0.5 * blur), level, fill,
+               [&](std::size_t v, float value) { level[v] = value; });
   return level;
 }
 
-Vec3 inwards_at(const WorkBox& box, const Field& level, const Index3& index) {
+Vec3 inwards_at(const WorkBox& box, const BandField& level, const Index3& index) {
   Vec3 inwards;
   for (int a = 0; a < 3; ++a) {
     Index3 p = index, q = index;
@@ -148,8 +262,8 @@ std::optional<double> SurfaceProfiles::first_above(std::size_t p, double border)
 }
 
 SurfaceProfiles surface_profiles(const WorkBox& box, const ImageVolume<float>& scan,
-                                 const Field& grey, const Field& depth, const Field& level,
-                                 double border, double blur) {
+                                 const Field& grey, const SurfaceDepth& depth,
+                                 const BandField& level, double border, double blur) {
   SurfaceProfiles profiles;
   profiles.step = 0.25 * blur;
   profiles.before = static_cast<int>(kBefore / 0.25);
@@ -167,7 +281,7 @@ SurfaceProfiles surface_profiles(const WorkBox& box, const ImageVolume<float>& s
       g[s] = cubic(scan, first + to_scan * at * box.lattice.voxel);
     }
   });
-  average_along(box, blur, profiles);
+  average_along(blur, profiles);
   return profiles;
 }
 

@@ -6,31 +6,54 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/near_distance.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
 namespace toothprep {
 
-// A field whose gradient points inwards, from the depth below the surface at voxel accuracy (known to
-// `reach` on both sides); `blur` is the scan's voxel.
-Field inward_level(const WorkBox& box, const Field& depth, double reach, double blur);
+// A field whose gradient points inwards, from the depth below the surface at voxel accuracy; for voxels
+// up to `outside` and `inside` from it. `blur` is the scan's voxel; the depth is known by twice that
+// beyond both.
+BandField inward_level(const WorkBox& box, const SurfaceDepth& depth, double outside, double inside,
+                       double blur);
 // Its unit gradient; zero where it has none.
-Vec3 inwards_at(const WorkBox& box, const Field& level, const Index3& index);
+Vec3 inwards_at(const WorkBox& box, const BandField& level, const Index3& index);
 
 struct SurfaceProfiles {
   double step = 0;  // between samples
   int before = 0;   // samples outside x = 0
   int samples = 0;  // of each profile
   // Per place, a voxel that the surface just holds:
-  std::vector<Index3> voxel;
+  std::vector<Index3> voxel;  // in the order of the box's voxels
   std::vector<Vec3> inwards;
-  std::vector<double> zero;         // of x: this far inwards of the voxel's centre
-  std::vector<float> grey;          // samples values each
-  std::vector<std::int32_t> place;  // of each of the box's voxels, -1: none
+  std::vector<double> zero;  // of x: this far inwards of the voxel's centre
+  std::vector<float> grey;   // samples values each
+  // The number of places up to the end of each of the box's rows along x.
+  Index3 size = Index3::Zero();  // of the box
+  std::vector<std::uint32_t> row_end;
 
   std::size_t count() const { return voxel.size(); }
+  // The first place in a row and the one after its last; the row may lie outside the box.
+  std::pair<std::size_t, std::size_t> row(int y, int z) const {
+    if (y < 0 || z < 0 || y >= size.y() || z >= size.z()) return {0, 0};
+    const std::size_t r = static_cast<std::size_t>(z) * static_cast<std::size_t>(size.y()) +
+                          static_cast<std::size_t>(y);
+    return {r == 0 ? 0 : row_end[r - 1], row_end[r]};
+  }
+  // work(place) at a voxel and its 26 neighbours, which may lie outside the box.
+  template <class Work>
+  void for_each_around(const Index3& at, const Work& work) const {
+    for (int z = at.z() - 1; z <= at.z() + 1; ++z)
+      for (int y = at.y() - 1; y <= at.y() + 1; ++y) {
+        auto [p, end] = row(y, z);
+        while (p < end && voxel[p].x() < at.x() - 1) ++p;
+        for (; p < end && voxel[p].x() <= at.x() + 1; ++p) work(p);
+      }
+  }
   const float* of(std::size_t p) const {
     return grey.data() + p * static_cast<std::size_t>(samples);
   }
@@ -46,8 +69,8 @@ struct SurfaceProfiles {
 // voxels greys are cubic (R. Keys, Cubic convolution interpolation, 1981): linear ones would cut the
 // peak of a layer as thin as a voxel by a share that depends on where the voxels' centres lie.
 SurfaceProfiles surface_profiles(const WorkBox& box, const ImageVolume<float>& scan,
-                                 const Field& grey, const Field& depth, const Field& level,
-                                 double border, double blur);
+                                 const Field& grey, const SurfaceDepth& depth,
+                                 const BandField& level, double border, double blur);
 
 // Standard deviation of the scan's blur across the surface (a Gaussian, as all that widens an edge
 // here: scanner, voxels, resampling): the median over places with one tissue below the surface, from

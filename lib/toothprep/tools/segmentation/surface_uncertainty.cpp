@@ -1,6 +1,9 @@
 #include "toothprep/tools/segmentation/surface_uncertainty.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -34,8 +37,7 @@ double variation(const WorkBox& box, const Field& grey, const ToothFields& field
     for (int j = 1; j + 1 < box.size.y(); j += kEvery)
       for (int i = 1; i + 1 < box.size.x(); i += kEvery) {
         const std::size_t v = box.offset(i, j, k);
-        if (!(fields.solid[v] > 0) || fields.label[v] != static_cast<std::uint8_t>(tissue))
-          continue;
+        if (fields.label[v] != static_cast<std::uint8_t>(tissue)) continue;
         if (slope_at(box, grey, Index3(i, j, k)) < level + 2 * noise) greys.push_back(grey[v]);
       }
   if (greys.size() < 100) return 0;
@@ -48,10 +50,6 @@ double variation(const WorkBox& box, const Field& grey, const ToothFields& field
   for (float& g : greys) g = std::abs(g - centre);
   const double all = 1.4826 * median(greys);
   return std::sqrt(std::max(0.0, all * all - noise * noise));
-}
-
-std::uint8_t tissue_in(const ToothFields& fields, std::size_t v) {
-  return fields.solid[v] > 0 ? fields.label[v] : static_cast<std::uint8_t>(Tissue::kAir);
 }
 
 ScanSurface surface_between(std::uint8_t a, std::uint8_t b) {
@@ -67,18 +65,37 @@ ScanSurface surface_between(std::uint8_t a, std::uint8_t b) {
 // The surface beside a voxel, if it has one; of several the outermost.
 std::optional<ScanSurface> surface_at(const WorkBox& box, const ToothFields& fields,
                                       const Index3& at) {
-  const std::uint8_t here = tissue_in(fields, box.offset(at.x(), at.y(), at.z()));
+  const std::uint8_t here = fields.label[box.offset(at.x(), at.y(), at.z())];
   std::optional<ScanSurface> found;
   for (int a = 0; a < 3; ++a)
     for (const int side : {-1, 1}) {
       const Index3 n = at + side * Index3::Unit(a);
       if (n[a] < 0 || n[a] >= box.size[a]) continue;
-      const std::uint8_t there = tissue_in(fields, box.offset(n.x(), n.y(), n.z()));
+      const std::uint8_t there = fields.label[box.offset(n.x(), n.y(), n.z())];
       if (there == here) continue;
       const ScanSurface surface = surface_between(here, there);
       if (!found || surface < *found) found = surface;
     }
   return found;
+}
+
+// Those with a voxel that has another neighbour. One across the end of a row counts as well.
+Mask chunks_of_surfaces(const WorkBox& box, const std::vector<std::uint8_t>& label) {
+  const std::array<std::size_t, 3> strides = {1, box.offset(0, 1, 0), box.offset(0, 0, 1)};
+  Mask chunks((label.size() + BandField::kChunk - 1) / BandField::kChunk);
+  tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t c) {
+    const std::size_t v = c * BandField::kChunk;
+    for (const std::size_t stride : strides) {
+      const std::size_t from = std::max(v, stride),
+                        end = std::min(v + BandField::kChunk, label.size()),
+                        end_below = std::min(end, label.size() - std::min(stride, label.size()));
+      std::uint8_t change = 0;
+      for (std::size_t u = from; u < end; ++u) change |= label[u] ^ label[u - stride];
+      for (std::size_t u = v; u < end_below; ++u) change |= label[u] ^ label[u + stride];
+      chunks[c] |= change != 0;
+    }
+  });
+  return chunks;
 }
 
 void add_figures(SurfaceUncertainty& result) {
@@ -107,12 +124,16 @@ SurfaceUncertainty surface_uncertainty(const WorkBox& box, const Field& grey, do
   const double border =
       0.5 * std::hypot(variation(box, grey, fields, Tissue::kDentin, noise, level),
                        variation(box, grey, fields, Tissue::kEnamel, noise, level));
-  Mask fitted(thin.voxels.empty() ? 0 : box.voxels());
-  for (const ThinEnamel::Voxel& v : thin.voxels) fitted[v.at] = 1;
+  const auto fitted = [&](std::size_t v) {
+    return std::binary_search(thin.voxels.begin(), thin.voxels.end(), ThinEnamel::Voxel{v},
+                              [](const auto& a, const auto& b) { return a.at < b.at; });
+  };
 
   std::vector<std::vector<SurfaceUncertainty::Place>> planes(
       static_cast<std::size_t>(box.size.z()));
+  const Mask chunks = chunks_of_surfaces(box, fields.label);
   box.for_each([&](int i, int j, int k, std::size_t v) {
+    if (!chunks[v / BandField::kChunk]) return;
     const Index3 at(i, j, k);
     const auto surface = surface_at(box, fields, at);
     if (!surface) return;
@@ -123,7 +144,7 @@ SurfaceUncertainty surface_uncertainty(const WorkBox& box, const Field& grey, do
                                                                   : kOfInside;
     double square = std::pow(k95 * noise / slope, 2) + std::pow(k95 * border / slope, 2) +
                     std::pow(voxels * blur, 2);
-    if (*surface == ScanSurface::kEnamelDentin && !fitted.empty() && fitted[v])
+    if (*surface == ScanSurface::kEnamelDentin && fitted(v))
       square = std::pow(kOfInside * blur, 2) + std::pow(kOfThin * blur, 2);
     const double half = std::min(std::sqrt(square), kLargest * blur) * box.lattice.voxel;
     planes[static_cast<std::size_t>(k)].push_back(

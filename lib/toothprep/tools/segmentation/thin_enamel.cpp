@@ -129,8 +129,7 @@ std::vector<Place> judge_places(const SurfaceProfiles& profiles, const GreyClass
 
 // Thin enamel is where enamel runs out: what no enamel is beside is something else, such as a rim of
 // denser dentin.
-void keep_beside_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
-                        std::vector<Place>& places) {
+void keep_beside_enamel(const SurfaceProfiles& profiles, std::vector<Place>& places) {
   std::vector<std::size_t> kept;
   std::vector<std::uint8_t> reached(places.size());
   for (std::size_t p = 0; p < places.size(); ++p)
@@ -138,55 +137,72 @@ void keep_beside_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
   while (!kept.empty()) {
     const Index3 at = profiles.voxel[kept.back()];
     kept.pop_back();
-    for (int n = 0; n < 27; ++n) {
-      const Index3 i = at + Index3(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
-      if (i.minCoeff() < 0 || (box.size - i).minCoeff() <= 0) continue;
-      const std::int32_t p = profiles.place[box.offset(i.x(), i.y(), i.z())];
-      if (p < 0) continue;
-      const auto u = static_cast<std::size_t>(p);
-      if (reached[u] || places[u].layer != Layer::kThin) continue;
-      reached[u] = 1;
-      kept.push_back(u);
-    }
+    profiles.for_each_around(at, [&](std::size_t p) {
+      if (reached[p] || places[p].layer != Layer::kThin) return;
+      reached[p] = 1;
+      kept.push_back(p);
+    });
   }
   for (std::size_t p = 0; p < places.size(); ++p)
     if (!reached[p] && places[p].layer == Layer::kThin) places[p].layer = Layer::kNone;
 }
 
 // The mean over the places around a voxel's foot on the surface, if most of them have thin enamel.
-bool layer_around(const WorkBox& box, const SurfaceProfiles& profiles,
-                  const std::vector<Place>& places, const Vec3& at, const Vec3& foot, double sigma,
-                  ThinEnamel::Voxel& voxel) {
-  const Index3 centre = foot.array().round().cast<int>();
+bool layer_around(const SurfaceProfiles& profiles, const std::vector<Place>& places, const Vec3& at,
+                  const Vec3& foot, double sigma, ThinEnamel::Voxel& voxel) {
   double above = 0, cover = 0;
   int thin = 0, all = 0;
-  for (int n = 0; n < 27; ++n) {
-    const Index3 i = centre + Index3(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
-    if (i.minCoeff() < 0 || (box.size - i).minCoeff() <= 0) continue;
-    const std::int32_t p = profiles.place[box.offset(i.x(), i.y(), i.z())];
-    if (p < 0) continue;
-    const auto u = static_cast<std::size_t>(p);
+  profiles.for_each_around(foot.array().round().cast<int>(), [&](std::size_t p) {
     ++all;
-    if (places[u].layer != Layer::kThin) continue;
+    if (places[p].layer != Layer::kThin) return;
     ++thin;
-    const double depth =
-        (at - i.cast<double>()).dot(profiles.inwards[u]) - profiles.zero[u] - places[u].surface;
-    above += places[u].thickness - depth;
-    cover += std::erf(places[u].thickness / (sigma * M_SQRT2));
-  }
+    const double depth = (at - profiles.voxel[p].cast<double>()).dot(profiles.inwards[p]) -
+                         profiles.zero[p] - places[p].surface;
+    above += places[p].thickness - depth;
+    cover += std::erf(places[p].thickness / (sigma * M_SQRT2));
+  });
   if (2 * thin <= all) return false;
   voxel.above = static_cast<float>(above / thin);
   voxel.cover = static_cast<float>(cover / thin);
   return true;
 }
 
+// Blocks of voxels of which some lie within a distance of thin enamel.
+class NearThinEnamel {
+ public:
+  NearThinEnamel(const SurfaceProfiles& profiles, const std::vector<Place>& places, int reach)
+      : blocks_((profiles.size + Index3::Constant(kBlock - 1)) / kBlock),
+        near_(static_cast<std::size_t>(blocks_.prod())) {
+    for (std::size_t p = 0; p < places.size(); ++p) {
+      if (places[p].layer != Layer::kThin) continue;
+      const Index3 low = (profiles.voxel[p].array() - reach).max(0) / kBlock,
+                   high = ((profiles.voxel[p].array() + reach) / kBlock).min(blocks_.array() - 1);
+      for (int z = low.z(); z <= high.z(); ++z)
+        for (int y = low.y(); y <= high.y(); ++y)
+          std::fill_n(near_.data() + place(low.x(), y, z), high.x() - low.x() + 1, std::uint8_t{1});
+    }
+  }
+  bool operator()(int i, int j, int k) const {
+    return near_[place(i / kBlock, j / kBlock, k / kBlock)] != 0;
+  }
+
+ private:
+  static constexpr int kBlock = 8;
+  std::size_t place(int x, int y, int z) const {
+    return (static_cast<std::size_t>(z) * blocks_.y() + y) * blocks_.x() + x;
+  }
+  Index3 blocks_;
+  Mask near_;
+};
+
 }  // namespace
 
-ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles, const Field& depth,
-                            const Field& level, const GreyClasses& classes, double sigma,
-                            double noise, double blur, double outside) {
+ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
+                            const SurfaceDepth& depth, const BandField& level,
+                            const GreyClasses& classes, double sigma, double noise, double blur,
+                            double outside) {
   std::vector<Place> places = judge_places(profiles, classes, sigma, noise, blur);
-  keep_beside_enamel(box, profiles, places);
+  keep_beside_enamel(profiles, places);
   ThinEnamel result;
   bool any = false;
   for (std::size_t p = 0; p < places.size(); ++p) {
@@ -197,18 +213,26 @@ ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
   }
   if (!any) return result;
   const double inside = kInnerFrom * blur;
+  // From a voxel to its foot, and to the neighbours of the voxel that holds it.
+  const NearThinEnamel near(profiles, places,
+                            static_cast<int>(std::ceil(std::max(inside, outside) + 2)));
   std::vector<std::vector<ThinEnamel::Voxel>> planes(static_cast<std::size_t>(box.size.z()));
   box.for_each([&](int i, int j, int k, std::size_t v) {
-    if (depth[v] <= -outside || depth[v] >= inside) return;
+    if (depth[v] <= -outside || depth[v] >= inside || !near(i, j, k)) return;
     const Index3 index(i, j, k);
     const Vec3 inwards = inwards_at(box, level, index), at = index.cast<double>();
     ThinEnamel::Voxel voxel;
     voxel.at = v;
-    if (layer_around(box, profiles, places, at, at - (depth[v] - 0.5) * inwards, sigma, voxel))
+    if (layer_around(profiles, places, at, at - (depth[v] - 0.5) * inwards, sigma, voxel))
       planes[static_cast<std::size_t>(k)].push_back(voxel);
   });
-  for (const auto& plane : planes)
+  std::size_t count = 0;
+  for (const auto& plane : planes) count += plane.size();
+  result.voxels.reserve(count);
+  for (auto& plane : planes) {
     result.voxels.insert(result.voxels.end(), plane.begin(), plane.end());
+    std::vector<ThinEnamel::Voxel>().swap(plane);
+  }
   return result;
 }
 

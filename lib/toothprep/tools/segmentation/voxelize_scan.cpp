@@ -40,21 +40,12 @@ Field resample(const ImageVolume<float>& scan, const WorkBox& box, double outsid
   return grey;
 }
 
-// The field of a value for each voxel. `amend` may change a plane's values: its first voxel, how many
-// there are, the values.
-template <class ValueAt, class Amend>
-SignedField signed_field(const WorkBox& box, const ValueAt& value_at, const Amend& amend) {
-  const std::size_t plane = box.voxels() / static_cast<std::size_t>(box.size.z());
-  return SignedField(box.size, [&](int k, float* values) {
-    const std::size_t first = static_cast<std::size_t>(k) * plane;
-    for (std::size_t v = 0; v < plane; ++v) values[v] = value_at(first + v);
-    amend(first, plane, values);
-  });
-}
+constexpr std::size_t kGreysOfNoise = 1000000;  // that noise is judged by
 
-// Standard deviation of the surroundings' noise, of every n-th grey; 0 if there are too few.
-double noise_of(const Field& grey, const GreyClasses& classes, std::size_t n = 1) {
+// Standard deviation of the surroundings' noise; 0 if there are too few of them.
+double noise_of(const Field& grey, const GreyClasses& classes) {
   Field below;
+  const std::size_t n = 1 + grey.size() / kGreysOfNoise;
   for (std::size_t v = 0; v < grey.size(); v += n)
     if (grey[v] < classes.threshold_dentin) below.push_back(grey[v]);
   if (below.size() < 100) return 0;
@@ -84,12 +75,18 @@ double smoothing_for(double noise, const GreyClasses& classes, double blur) {
 // Islands of enamel in dentin and of dentin in enamel go to the tissue around them, as do the
 // remains of a border's greys in narrow fissures; pieces of at least a twentieth of the largest
 // stay.
-void clean_islands(const WorkBox& box, const Mask& domain, const Mask& cavity, Mask& enamel) {
-  Mask part(domain.size());
+template <class InDomain>
+void clean_islands(const WorkBox& box, const InDomain& in_domain, const Mask& cavity,
+                   Mask& enamel) {
+  Mask part(static_cast<std::size_t>(box.size.x()));  // of a row
   for (const bool of_enamel : {true, false}) {
-    for (std::size_t v = 0; v < part.size(); ++v)
-      part[v] = domain[v] && (cavity.empty() || !cavity[v]) && (enamel[v] != 0) == of_enamel;
-    const MaskParts pieces = parts_of(box.size, part);
+    const MaskParts pieces = parts_of(box.size, [&](std::size_t row) {
+      for (std::size_t i = 0; i < part.size(); ++i) {
+        const std::size_t v = row * part.size() + i;
+        part[i] = (enamel[v] != 0) == of_enamel && (cavity.empty() || !cavity[v]) && in_domain(v);
+      }
+      return part.data();
+    });
     pieces.for_each([&](std::size_t first, std::size_t end, std::size_t piece) {
       if (20 * pieces.voxels[piece] < pieces.voxels[0])
         std::fill(enamel.data() + first, enamel.data() + end, std::uint8_t{!of_enamel});
@@ -99,9 +96,9 @@ void clean_islands(const WorkBox& box, const Mask& domain, const Mask& cavity, M
 
 // What lies under the outer surface, for voxels around it.
 struct UnderSurface {
-  Field plateau;  // grey of the tissue here, without the surroundings' share
-  Field cover;    // how much the tissue under the surface is enamel, 0..1
-  Mask near;      // where `cover` is known: both sides of the surface
+  BandField
+      plateau;  // grey of the tissue here, without the surroundings' share, where it isn't grey's
+  BandField cover;  // how much the tissue under the surface is enamel, 0..1: where near_surface()
 };
 
 // Also that far outside, in voxels, so that interfaces between tissues run on through the surface.
@@ -110,6 +107,8 @@ constexpr double kReach = kBandVoxels + 1;
 // The depth to which the surroundings shine through, and how far depths must be known, voxels.
 double skin_depth(double blur) { return 3 * blur; }
 double far_depth(double blur) { return std::max(skin_depth(blur), kReach) + 2 * blur; }
+// Where the surface can be: on both sides of what was found at voxel accuracy.
+bool near_surface(float depth, double blur) { return depth > -kReach && depth <= 1.5 * blur; }
 
 // The grey that parts dentin and enamel at a depth below the surface (voxels). A layer of enamel
 // that is little thicker than the blur doesn't reach enamel's grey: by half-way greys it would be
@@ -124,58 +123,15 @@ float enamel_border(const GreyClasses& classes, double depth, double blur) {
 
 // Enamel that is too thin for enamel_border(): there the tissue's grey is what gives the fitted
 // border, and the surface's threshold what the fitted layer has at its surface.
-void apply_thin_enamel(const ThinEnamel& thin, const Field& depth, const GreyClasses& classes,
-                       double sigma, double blur, UnderSurface& under) {
+void apply_thin_enamel(const ThinEnamel& thin, const SurfaceDepth& depth,
+                       const GreyClasses& classes, double sigma, double blur, UnderSurface& under) {
   const double slope = steepest(sigma);  // of a blurred border
   for (const ThinEnamel::Voxel& v : thin.voxels) {
     const double share = std::clamp(slope * v.above, -0.5, 0.5);
     under.plateau[v.at] = enamel_border(classes, depth[v.at], blur) +
                           static_cast<float>(share * (classes.enamel - classes.dentin));
-    if (under.near[v.at]) under.cover[v.at] = v.cover;
+    if (near_surface(depth[v.at], blur)) under.cover[v.at] = v.cover;
   }
-}
-
-// Below the outer surface greys are mixed with the surroundings': over enamel they pass through
-// dentin's, which by thresholds alone would put a layer of dentin on the enamel. So a voxel takes
-// the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
-// and never under dentin. `depth` is the depth below the surface at voxel accuracy, `level` a field
-// whose gradient points inwards.
-UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Field& depth,
-                                Field level, const GreyClasses& classes, double blur,
-                                const ThinEnamel& thin, double sigma) {
-  const std::size_t n = box.voxels();
-  const double skin = skin_depth(blur);
-  UnderSurface under{grey, Field(n, 0.0f), Mask(n, 0)};
-
-  const double step = 0.5 * blur;
-  box.for_each([&](int i, int j, int k, std::size_t v) {
-    if (depth[v] <= -kReach || depth[v] >= skin) return;
-    const Index3 index(i, j, k);
-    const Vec3 inwards = inwards_at(box, level, index);
-    const auto at_depth = [&](double s) {
-      return trilinear(box.size, grey, index.cast<double>() + inwards * (s - depth[v]));
-    };
-    float brightest = depth[v] >= 0 ? grey[v] : at_depth(0);
-    for (double s = std::max<double>(depth[v], 0) + step; s < skin + 0.5 * step; s += step)
-      brightest = std::max(brightest, at_depth(s));
-    under.plateau[v] = brightest;
-    if (depth[v] > 1.5 * blur) return;
-    for (double s = 0; s < depth[v]; s += step) brightest = std::max(brightest, at_depth(s));
-    under.near[v] = 1;
-    under.cover[v] = static_cast<float>(
-        std::clamp((brightest - classes.dentin) / (classes.enamel - classes.dentin), 0.0, 1.0));
-  });
-
-  Field().swap(level);
-  apply_thin_enamel(thin, depth, classes, sigma, blur, under);
-
-  // A smooth transition at the cervix, also where thin enamel begins.
-  Field weight(under.near.begin(), under.near.end());
-  smooth(box.size, under.cover, blur);
-  smooth(box.size, weight, blur);
-  for (std::size_t v = 0; v < n; ++v)
-    under.cover[v] = weight[v] > 1e-3f ? under.cover[v] / weight[v] : 0.0f;
-  return under;
 }
 
 // What greys along the surface's normals show.
@@ -186,14 +142,76 @@ struct AlongNormals {
   MetalSurface metal;
 };
 
-// Calls work(voxel, value) for what of the metal's surface lies in a plane.
-template <class Work>
-void for_each_in_plane(const MetalSurface& metal, std::size_t first, std::size_t count,
-                       float* values, const Work& work) {
-  auto v = std::lower_bound(
-      metal.voxels.begin(), metal.voxels.end(), first,
-      [](const MetalSurface::Voxel& voxel, std::size_t at) { return voxel.at < at; });
-  for (; v != metal.voxels.end() && v->at < first + count; ++v) work(*v, values[v->at - first]);
+// The cover, smoothed: a gradual transition at the cervix, also where thin enamel begins.
+void smooth_cover(const WorkBox& box, const SurfaceDepth& depth, const Mask& chunks, double blur,
+                  BandField& cover) {
+  const std::size_t area = box.offset(0, 0, 1);
+  const auto planes_of = [&](const auto& value) {
+    return [&, value](int k, float* plane) {
+      const std::size_t first = static_cast<std::size_t>(k) * area;
+      for (std::size_t v = 0; v < area; ++v)
+        plane[v] = cover.has(first + v) ? value(first + v) : 0.0f;
+    };
+  };
+  BandField result(chunks);
+  smooth_where(box.size, blur, result,
+               planes_of([&](std::size_t v) { return near_surface(depth[v], blur) ? 1.0f : 0.0f; }),
+               [&](std::size_t v, float weight) { result[v] = weight; });
+  smooth_where(box.size, blur, result, planes_of([&](std::size_t v) { return cover[v]; }),
+               [&](std::size_t v, float value) {
+                 result[v] = result[v] > 1e-3f ? value / result[v] : 0.0f;
+               });
+  cover = std::move(result);
+}
+
+// Below the outer surface greys are mixed with the surroundings': over enamel they pass through
+// dentin's, which by thresholds alone would put a layer of dentin on the enamel. So a voxel takes
+// the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
+// and never under dentin. `depth` is the depth below the surface at voxel accuracy, `level` a field
+// whose gradient points inwards.
+UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
+                                BandField level, const GreyClasses& classes, double blur,
+                                const AlongNormals& along) {
+  const double skin = skin_depth(blur);
+  const auto in_skin = [&](std::size_t v) { return depth[v] > -kReach && depth[v] < skin; };
+  Mask chunks = chunks_where(box.voxels(), in_skin);
+  for (const MetalSurface::Voxel& v : along.metal.voxels) chunks[v.at / BandField::kChunk] = 1;
+  UnderSurface under{BandField(chunks), {}};
+  chunks = chunks_where(box.voxels(), [&](std::size_t v) { return near_surface(depth[v], blur); });
+  under.cover = BandField(chunks);
+
+  const double step = 0.5 * blur;
+  box.for_each([&](int i, int j, int k, std::size_t v) {
+    if (!under.plateau.has(v)) return;
+    under.plateau[v] = grey[v];
+    if (!in_skin(v)) return;
+    const Index3 index(i, j, k);
+    const Vec3 inwards = inwards_at(box, level, index);
+    const auto at_depth = [&](double s) {
+      return trilinear(box.size, grey, index.cast<double>() + inwards * (s - depth[v]));
+    };
+    float brightest = depth[v] >= 0 ? grey[v] : at_depth(0);
+    for (double s = std::max<double>(depth[v], 0) + step; s < skin + 0.5 * step; s += step)
+      brightest = std::max(brightest, at_depth(s));
+    under.plateau[v] = brightest;
+    if (!near_surface(depth[v], blur)) return;
+    for (double s = 0; s < depth[v]; s += step) brightest = std::max(brightest, at_depth(s));
+    under.cover[v] = static_cast<float>(
+        std::clamp((brightest - classes.dentin) / (classes.enamel - classes.dentin), 0.0, 1.0));
+  });
+
+  level = BandField();
+  apply_thin_enamel(along.thin, depth, classes, along.sigma, blur, under);
+  smooth_cover(box, depth, chunks, blur, under.cover);
+  return under;
+}
+
+// What of the metal's surface lies at a voxel, if any.
+const MetalSurface::Voxel* metal_at(const MetalSurface& metal, std::size_t at) {
+  const auto v = std::lower_bound(
+      metal.voxels.begin(), metal.voxels.end(), at,
+      [](const MetalSurface::Voxel& voxel, std::size_t place) { return voxel.at < place; });
+  return v != metal.voxels.end() && v->at == at ? &*v : nullptr;
 }
 
 // How far a voxel lies below the metal's surface, as a share of the step there.
@@ -203,110 +221,114 @@ float below_metal(const MetalSurface::Voxel& v, double sigma, double most) {
 }
 
 // Within the blur around metal the tissue's grey is the one beyond that.
-void look_beyond_metal(const MetalSurface& metal, const Field& depth, const GreyClasses& classes,
-                       double blur, UnderSurface& under) {
+void look_beyond_metal(const MetalSurface& metal, const SurfaceDepth& depth,
+                       const GreyClasses& classes, double blur, UnderSurface& under) {
   for (const MetalSurface::Voxel& v : metal.voxels)
     under.plateau[v.at] = enamel_border(classes, depth[v.at], blur) +
                           static_cast<float>(v.outer - classes.threshold_enamel);
 }
 
 // Zero where the grey is half-way between the surroundings and the tissue underneath. Where air is
-// beyond metal, the solid ends where the metal does.
-SignedField solid_field(const WorkBox& box, const Field& grey, const Field& depth,
-                        const Mask& rough, const Cavity& cavity, const UnderSurface& under,
-                        const AlongNormals& along, const GreyClasses& classes, double blur) {
+// beyond metal, the solid ends where the metal does. Also its mask.
+SignedField solid_field(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
+                        const Cavity& cavity, const UnderSurface& under, const AlongNormals& along,
+                        const GreyClasses& classes, double blur, Mask& solid) {
   const double over_dentin = classes.threshold_dentin;
   const double over_enamel = std::max(over_dentin, 0.5 * (classes.surroundings + classes.enamel));
   const double contrast = classes.dentin - classes.surroundings;
   const auto value_at = [&](std::size_t v) {
     const bool in_cavity = !cavity.mask.empty() && cavity.mask[v];
-    float value = rough[v] ? 0.5f : -0.5f;
-    if (under.near[v]) {
+    const bool rough = depth[v] > 0;
+    float value = rough ? 0.5f : -0.5f;
+    if (near_surface(depth[v], blur)) {
       const double border = over_dentin + under.cover[v] * (over_enamel - over_dentin);
       value = static_cast<float>(std::clamp((grey[v] - border) / contrast, -1.0, 1.0));
     }
     // At an open apex the solid ends where the ball from the outside does.
     if (in_cavity)
       value = static_cast<float>(std::min(0.5, 0.5 * (cavity.from_outside[v] - cavity.ball)));
-    return signed_as(rough[v] && (value > 0 || in_cavity), value);
+    return signed_as(rough && (value > 0 || in_cavity), value);
   };
-  Mask solid(box.voxels());
+  solid.resize(box.voxels());
   box.for_each([&](int, int, int, std::size_t v) { solid[v] = value_at(v) > 0; });
   keep_largest_component(box.size, solid);
   fill_enclosed(box.size, solid);
-  const auto end_at_metal = [&](const MetalSurface::Voxel& v, float& value) {
-    if (v.outer < classes.threshold_dentin && depth[v.at] < skin_depth(blur))
-      value = below_metal(v, along.sigma, 1);
+  const auto ends_at_metal = [&](const MetalSurface::Voxel& v) {
+    return v.outer < classes.threshold_dentin && depth[v.at] < skin_depth(blur);
   };
-  return signed_field(
-      box, [&](std::size_t v) { return signed_as(solid[v], value_at(v)); },
-      [&](std::size_t first, std::size_t count, float* values) {
-        for_each_in_plane(along.metal, first, count, values, end_at_metal);
-      });
+  for (const MetalSurface::Voxel& v : along.metal.voxels)
+    if (ends_at_metal(v)) solid[v.at] = v.inside > 0;
+  return SignedField(box.size, solid, 1, [&](std::size_t v) {
+    const MetalSurface::Voxel* metal = metal_at(along.metal, v);
+    return metal && ends_at_metal(*metal) ? below_metal(*metal, along.sigma, 1)
+                                          : signed_as(solid[v], value_at(v));
+  });
 }
 
 // The tissues against each other, by their greys without the surroundings' share; beside metal they
 // end at its surface, between voxels.
-void add_tissue_fields(const WorkBox& box, const Field& grey, const Field& depth,
-                       const Cavity& cavity, const UnderSurface& under, const AlongNormals& along,
-                       const GreyClasses& classes, double blur, ToothFields& fields) {
-  const std::size_t n = box.voxels();
-  Mask solid(n), domain(n), enamel(n);
+void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
+                       const Mask& solid, const Cavity& cavity, const BandField& plateau,
+                       const AlongNormals& along, const GreyClasses& classes, double blur,
+                       ToothFields& fields) {
   const auto above_border = [&](std::size_t v) {
-    return under.plateau[v] - enamel_border(classes, depth[v], blur);
+    return (plateau.has(v) ? plateau[v] : grey[v]) - enamel_border(classes, depth[v], blur);
   };
-  for (std::size_t v = 0; v < n; ++v) {
-    solid[v] = fields.solid[v] > 0;
-    domain[v] = depth[v] > -kReach;
-    enamel[v] = domain[v] && above_border(v) > 0;
-  }
+  const auto in_domain = [&](std::size_t v) { return depth[v] > -kReach; };
   Mask metal = along.metal.metal;
   for (const MetalSurface::Voxel& v : along.metal.voxels) metal[v.at] = v.inside > 0;
-  for (std::size_t v = 0; v < metal.size(); ++v) enamel[v] = enamel[v] && !metal[v];
+  const bool has_pulp = !cavity.mask.empty(), has_metal = !metal.empty();
+  const auto in_pulp = [&](std::size_t v) { return has_pulp && cavity.mask[v]; };
+  const auto in_metal = [&](std::size_t v) { return has_metal && metal[v]; };
+  Mask enamel(box.voxels());
+  box.for_each([&](int, int, int, std::size_t v) {
+    enamel[v] = in_domain(v) && !in_metal(v) && above_border(v) > 0;
+  });
   // First in the solid alone, where an island can't hide behind its connection through the outside.
-  clean_islands(box, solid, cavity.mask, enamel);
-  clean_islands(box, domain, cavity.mask, enamel);
+  clean_islands(
+      box, [&](std::size_t v) { return solid[v] != 0; }, cavity.mask, enamel);
+  clean_islands(box, in_domain, cavity.mask, enamel);
 
   // Potentials against dentin, whose own is zero.
   const auto scaled = [](double difference, double contrast) {
     return static_cast<float>(std::clamp(difference / contrast, -0.5, 0.5));
   };
-  const bool has_pulp = !cavity.mask.empty(), has_metal = !metal.empty();
-  const auto in_pulp = [&](std::size_t v) { return has_pulp && cavity.mask[v]; };
-  const auto in_metal = [&](std::size_t v) { return has_metal && metal[v]; };
+  // From here on the tissues, of what is outside the solid as well.
+  const auto code = [](Tissue t) { return static_cast<std::uint8_t>(t); };
+  std::vector<std::uint8_t> label = std::move(enamel);
+  box.for_each([&](int, int, int, std::size_t v) {
+    label[v] = code(in_metal(v)  ? Tissue::kOther
+                    : in_pulp(v) ? Tissue::kPulp
+                    : label[v]   ? Tissue::kEnamel
+                                 : Tissue::kDentin);
+  });
   const auto of_enamel = [&](std::size_t v) {
-    return signed_as(enamel[v] && !in_pulp(v),
+    return signed_as(label[v] == code(Tissue::kEnamel),
                      scaled(above_border(v), classes.enamel - classes.dentin));
   };
   const auto of_pulp = [&](std::size_t v) {
     return signed_as(in_pulp(v), scaled(cavity.border - grey[v], classes.dentin - cavity.grey));
   };
-  fields.label.resize(n);
-  for (std::size_t v = 0; v < n; ++v)
-    fields.label[v] = static_cast<std::uint8_t>(in_metal(v)        ? Tissue::kOther
-                                                : in_pulp(v)       ? Tissue::kPulp
-                                                : of_enamel(v) > 0 ? Tissue::kEnamel
-                                                                   : Tissue::kDentin);
-  const auto end_at_metal = [&](const MetalSurface::Voxel& v, float& value) {
-    const float inside = below_metal(v, along.sigma, 0.5);
-    value = inside > 0 ? -inside : std::min(value, -inside);
+  const auto field_of = [&](Tissue tissue, const auto& value) {
+    return SignedField(box.size, label, code(tissue), [&](std::size_t v) {
+      const float here = in_metal(v) ? -0.5f : value(v);
+      const MetalSurface::Voxel* end = metal_at(along.metal, v);
+      if (!end) return here;
+      const float inside = below_metal(*end, along.sigma, 0.5);
+      return inside > 0 ? -inside : std::min(here, -inside);
+    });
   };
-  const auto field_of = [&](const auto& value) {
-    return signed_field(
-        box, [&](std::size_t v) { return in_metal(v) ? -0.5f : value(v); },
-        [&](std::size_t first, std::size_t count, float* values) {
-          for_each_in_plane(along.metal, first, count, values, end_at_metal);
-        });
-  };
-  fields.tissue[0] =
-      field_of([&](std::size_t v) { return in_pulp(v) ? -of_pulp(v) : of_enamel(v); });
-  fields.tissue[1] = field_of([&](std::size_t v) {
+  fields.tissue[0] = field_of(
+      Tissue::kEnamel, [&](std::size_t v) { return in_pulp(v) ? -of_pulp(v) : of_enamel(v); });
+  fields.tissue[1] = field_of(Tissue::kDentin, [&](std::size_t v) {
     return has_pulp ? -std::max(of_enamel(v), of_pulp(v)) : -of_enamel(v);
   });
-  if (has_pulp) fields.tissue[2] = field_of(of_pulp);
+  if (has_pulp) fields.tissue[2] = field_of(Tissue::kPulp, of_pulp);
+  box.for_each([&](int, int, int, std::size_t v) {
+    if (!solid[v]) label[v] = code(Tissue::kAir);
+  });
+  fields.label = std::move(label);
 }
-
-constexpr std::size_t kGreysOfNoise = 1000000;  // that noise is judged by
 
 // A scanner's range ends where many voxels have the very same highest value.
 std::optional<double> clip_of(const ScanSurvey& seen, std::size_t scan_voxels) {
@@ -317,8 +339,9 @@ std::optional<double> clip_of(const ScanSurvey& seen, std::size_t scan_voxels) {
 }
 
 AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std::size_t scan_voxels,
-                                const Field& grey, const Field& depth, const Field& level,
-                                const GreyClasses& classes, double blur, bool thin_enamel) {
+                                const Field& grey, const SurfaceDepth& depth,
+                                const BandField& level, const GreyClasses& classes, double blur,
+                                bool thin_enamel) {
   AlongNormals result;
   thin_enamel = thin_enamel && classes.enamel_seen;
   if (!thin_enamel && !classes.threshold_metal) return result;
@@ -331,7 +354,7 @@ AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std:
     result.measured = sigma.has_value();
     result.sigma = sigma.value_or(kUsual * blur);
     if (sigma && thin_enamel) {
-      const double noise = noise_of(scan.data, classes, 1 + scan.data.size() / kGreysOfNoise);
+      const double noise = noise_of(scan.data, classes);
       result.thin =
           find_thin_enamel(box, profiles, depth, level, classes, *sigma, noise, blur, kReach);
     }
@@ -509,28 +532,28 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   ToothFields fields;
   AlongNormals along;
   {
-    const Field depth =
-        depth_below_surface(box.size, rough, static_cast<int>(std::ceil(far_depth(blur) + 0.5)));
-    Field level = inward_level(box, depth, std::max(skin_depth(blur), kReach), blur);
+    const SurfaceDepth depth(box.size, rough, static_cast<int>(std::ceil(far_depth(blur) + 0.5)));
+    Mask().swap(rough);
+    BandField level = inward_level(box, depth, kReach, std::max(skin_depth(blur), kReach), blur);
     along = look_along_normals(box, seen, frame.voxels(), grey, depth, level, classes, blur,
                                options.thin_enamel);
     if (report && options.keep_greys) report->greys = std::move(*seen.greys);
     seen.greys.reset();
-    UnderSurface under = look_under_surface(box, grey, depth, std::move(level), classes, blur,
-                                            along.thin, along.sigma);
+    UnderSurface under =
+        look_under_surface(box, grey, depth, std::move(level), classes, blur, along);
     look_beyond_metal(along.metal, depth, classes, blur, under);
-    fields.solid = solid_field(box, grey, depth, rough, cavity, under, along, classes, blur);
-    cavity.from_outside = {};
+    Mask solid;
+    fields.solid = solid_field(box, grey, depth, cavity, under, along, classes, blur, solid);
+    cavity.from_outside = under.cover = BandField();
     progress("separating the tissues", 0.7);
-    add_tissue_fields(box, grey, depth, cavity, under, along, classes, blur, fields);
+    add_tissue_fields(box, grey, depth, solid, cavity, under.plateau, along, classes, blur, fields);
   }
   if (!options.thresholds) {
     const std::string why = implausible_layers(layers_of(box, fields), classes);
     if (!why.empty()) throw Error(why);
   }
   SurfaceUncertainty uncertainty =
-      surface_uncertainty(box, grey, noise_of(grey, classes, 1 + grey.size() / kGreysOfNoise),
-                          fields, classes, along.thin, blur);
+      surface_uncertainty(box, grey, noise_of(grey, classes), fields, classes, along.thin, blur);
   Field().swap(grey);
 
   progress("measuring distances", 0.8);

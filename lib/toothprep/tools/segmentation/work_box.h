@@ -68,7 +68,23 @@ void for_each_point_set(const ImageFrame& image, const WorkBox& box, int n, cons
 
 // Value at a fractional voxel, linear between the values of the array, whose edge values are
 // continued outside.
-float trilinear(const Index3& size, const std::vector<float>& values, const Vec3& index);
+inline float trilinear(const Index3& size, const std::vector<float>& values, const Vec3& index) {
+  Index3 base;
+  Vec3 f;
+  for (int a = 0; a < 3; ++a) {
+    const double x = std::clamp(index[a], 0.0, size[a] - 1.0);
+    base[a] = std::min(static_cast<int>(x), size[a] - 2);
+    f[a] = x - base[a];
+  }
+  const auto row = static_cast<std::size_t>(size.x()),
+             plane = row * static_cast<std::size_t>(size.y());
+  const float* p = values.data() + static_cast<std::size_t>(base.z()) * plane +
+                   static_cast<std::size_t>(base.y()) * row + static_cast<std::size_t>(base.x());
+  const auto along_x = [&](std::size_t o) { return p[o] + f.x() * (p[o + 1] - p[o]); };
+  const double a = along_x(0), b = along_x(row), c = along_x(plane), d = along_x(plane + row);
+  const double ab = a + f.y() * (b - a), cd = c + f.y() * (d - c);
+  return static_cast<float>(ab + f.z() * (cd - ab));
+}
 
 // The tooth as fields over the box, each positive inside and nowhere zero: the solid, and each
 // tissue against the other tissues (which matters in the solid and in a few voxels beyond its
@@ -76,7 +92,7 @@ float trilinear(const Index3& size, const std::vector<float>& values, const Vec3
 struct ToothFields {
   SignedField solid;
   std::array<SignedField, 3> tissue;  // enamel, dentin, pulp; empty if absent
-  std::vector<std::uint8_t> label;    // the tissue here; whatever outside the solid
+  std::vector<std::uint8_t> label;    // the tissue here; of a scan air outside the solid
 };
 
 // `value`, moved to the given side of zero if it isn't there.
