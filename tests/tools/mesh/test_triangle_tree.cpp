@@ -157,6 +157,31 @@ TEST(TriangleTree, RaysMeetWhatTryingEveryTriangleFinds) {
   EXPECT_LT(close_calls, 100);
 }
 
+TEST(TriangleTree, RaysTogetherMeetWhatEachMeetsAlone) {
+  std::mt19937 random(12);
+  const TriangleTree tree(random_triangles(400, random));
+  const double nan = std::nan("");
+  int met = 0, missed = 0;
+  for (std::size_t n = 0; n < 2000; ++n) {
+    std::vector<TreeRay> rays;  // also fewer than it takes, and none
+    for (std::size_t i = 0; i < n % (TriangleTree::kTogether + 1); ++i) {
+      const Vec3 origin = random_place(random, 8);
+      rays.push_back({origin, 3.7 * (random_place(random, 5) - origin), 0.5, i % 3 == 0 ? 4 : 1e6});
+      if (i % 7 == 6) rays.back().direction.x() = nan;
+    }
+    const std::uint32_t together = tree.which_hit(rays);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const TreeRay& r = rays[i];
+      const bool alone = tree.hits(r.origin, r.direction, r.nearest, r.furthest);
+      EXPECT_EQ((together >> i & 1) != 0, alone) << n << ", ray " << i;
+      ++(alone ? met : missed);
+    }
+    EXPECT_EQ(together >> rays.size(), 0U);
+  }
+  EXPECT_GT(met, 1000);
+  EXPECT_GT(missed, 1000);
+}
+
 TEST(TriangleTree, NearestPointsAreThoseOfTryingEveryTriangle) {
   std::mt19937 random(5);
   const TriangleMesh mesh = random_triangles(150, random);

@@ -238,6 +238,9 @@ namespace {
 #if TOOTHPREP_EMBREE_MAJOR >= 4
 void intersect(RTCScene scene, RTCRayHit& hit) { rtcIntersect1(scene, &hit); }
 void occluded(RTCScene scene, RTCRay& ray) { rtcOccluded1(scene, &ray); }
+void occluded(const int* valid, RTCScene scene, RTCRay8& rays) {
+  rtcOccluded8(valid, scene, &rays);
+}
 #else
 void intersect(RTCScene scene, RTCRayHit& hit) {
   RTCIntersectContext context;
@@ -248,6 +251,11 @@ void occluded(RTCScene scene, RTCRay& ray) {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   rtcOccluded1(scene, &context, &ray);
+}
+void occluded(const int* valid, RTCScene scene, RTCRay8& rays) {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcOccluded8(valid, scene, &context, &rays);
 }
 #endif
 
@@ -289,6 +297,28 @@ bool TriangleTree::hits(const Vec3& origin, const Vec3& direction, double neares
   RTCRay ray = work_->ray(local + from * along, along, to - from);
   occluded(work_->scene.get(), ray);
   return ray.tfar < 0;  // Embree says so by -infinity
+}
+
+std::uint32_t TriangleTree::which_hit(std::span<const TreeRay> rays) const {
+  RTCRay8 together{};
+  alignas(32) std::array<int, kTogether> valid{};  // -1: Embree's true
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const TreeRay& ray = rays[i];
+    const Vec3 along = ray.direction.stableNormalized(), local = ray.origin - work_->middle;
+    double from = ray.nearest, to = ray.furthest;
+    if (!work_->clip(local, along, from, to)) continue;
+    const RTCRay one = work_->ray(local + from * along, along, to - from);
+    together.org_x[i] = one.org_x, together.org_y[i] = one.org_y, together.org_z[i] = one.org_z;
+    together.dir_x[i] = one.dir_x, together.dir_y[i] = one.dir_y, together.dir_z[i] = one.dir_z;
+    together.tfar[i] = one.tfar;
+    together.mask[i] = one.mask;
+    valid[i] = -1;
+  }
+  occluded(valid.data(), work_->scene.get(), together);
+  std::uint32_t met = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i)
+    if (valid[i] != 0 && together.tfar[i] < 0) met |= 1U << i;
+  return met;
 }
 
 // ---- Nearest points

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "toothprep/step/core/geometry.h"
@@ -24,6 +25,12 @@ struct SurfacePoint {
   double distance = 0;           // mm: along the ray, or to the asked point; never negative
   std::uint32_t triangle = 0;    // index into the mesh's triangles
   Vec3 weights = Vec3(1, 0, 0);  // barycentric: the point is the sum of weights * corners
+};
+
+struct TreeRay {
+  Vec3 origin = Vec3::Zero();        // mm, W
+  Vec3 direction = Vec3::UnitZ();    // any length but zero
+  double nearest = 0, furthest = 0;  // mm
 };
 
 // Immutable after construction, so that any number of threads may query it.
@@ -42,6 +49,11 @@ class TriangleTree {
   // Whether there is one (faster).
   bool hits(const Vec3& origin, const Vec3& direction, double nearest = 0,
             double furthest = 1e6) const;
+
+  // The same of up to kTogether rays at once, which is faster still for rays from near places: bit i
+  // of the result is that of rays[i].
+  static constexpr std::size_t kTogether = 8;
+  [[nodiscard]] std::uint32_t which_hit(std::span<const TreeRay> rays) const;
 
   // The nearest point of the surface. Throws Error if x is not finite.
   SurfacePoint nearest(const Vec3& x) const;

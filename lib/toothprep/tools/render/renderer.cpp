@@ -75,14 +75,6 @@ std::vector<Eigen::Vector3f> level_normals(const RenderPart& part) {
 
 int rounded_up(int value, int step) { return (value + step - 1) / step * step; }
 
-// Of the rays into the hemisphere above a place those that meet nothing.
-struct Sky {
-  int rays = 0, open = 0;
-  float share() const {
-    return rays > 0 ? static_cast<float>(open) / static_cast<float>(rays) : 1.f;
-  }
-};
-
 // Whether two places are of one surface, so that what lies between them may be left out: nothing
 // at both, or the same tissue, no edge, and no step in depth.
 bool of_one_surface(const Seen& a, const Seen& b, double largest_step) {
@@ -248,6 +240,7 @@ struct Renderer::Pass {
   double lift;   // mm: rays start this far above the surface, so as not to meet it
   std::optional<CutPlane> cut;
   Vec3 key, fill, sky, key_u, key_v;
+  Vec3 half;                                    // between the key light and the eye
   std::vector<SkyRay> plain_rays, sample_rays;  // for sky_shares(), for draw_samples()
   bool any_ghost;
 
@@ -310,42 +303,104 @@ struct Renderer::Pass {
     return true;
   }
 
-  bool blocked(const Vec3& from, const Vec3& along, double length) const {
-    double near = 0, far = length;
-    bool entry = false;
-    if (!kept(from, along, near, far, entry)) return false;
-    return std::any_of(parts.begin(), parts.end(), [&](const Part& p) {
-      return !p.part.ghost && p.tree.hits(from, along, near, far);
-    });
+  // Of rays, those that meet a part of what is kept: bit i that of rays[i].
+  std::uint32_t blocked(std::span<const TreeRay> rays) const {
+    std::array<TreeRay, TriangleTree::kTogether> left;
+    std::array<std::uint32_t, TriangleTree::kTogether> bit;
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      left[count] = rays[i];
+      bit[count] = 1U << i;
+      bool entry = false;
+      count +=
+          kept(rays[i].origin, rays[i].direction, left[count].nearest, left[count].furthest, entry);
+    }
+    std::uint32_t met = 0;
+    for (const Part& p : parts) {
+      if (p.part.ghost || count == 0) continue;
+      const std::uint32_t now = p.tree.which_hit({left.data(), count});
+      for (std::size_t i = 0; i < count; ++i) met |= (now >> i & 1) * bit[i];
+    }
+    return met;
   }
 
-  // Of the directions over the hemisphere the rays first, first + step, ...: which of them see
-  // the sky. Directions are cosine-distributed (Hammersley's points), lengths spread so that an
+  struct Sky {
+    int rays = 0, open = 0;  // those that meet nothing
+    float share() const {
+      return rays > 0 ? static_cast<float>(open) / static_cast<float>(rays) : 1.f;
+    }
+  };
+
+  // Rays, met as many together as the tree takes; counts in groups those that meet nothing.
+  class Rays {
+   public:
+    explicit Rays(const Pass& pass) : pass_(pass) {}
+    std::array<Sky, 4> groups;
+
+    void add(const TreeRay& ray, std::size_t group) {
+      rays_[count_] = ray;
+      group_[count_] = group;
+      if (++count_ == rays_.size()) shoot();
+    }
+    void add_open(std::size_t group) { ++groups[group].rays, ++groups[group].open; }
+    void add_blocked(std::size_t group) { ++groups[group].rays; }
+    void shoot() {  // what was added and waits
+      const std::uint32_t met = pass_.blocked({rays_.data(), count_});
+      for (std::size_t i = 0; i < count_; ++i)
+        (met >> i & 1) != 0 ? add_blocked(group_[i]) : add_open(group_[i]);
+      count_ = 0;
+    }
+
+   private:
+    const Pass& pass_;
+    std::array<TreeRay, TriangleTree::kTogether> rays_;
+    std::array<std::size_t, TriangleTree::kTogether> group_{};
+    std::size_t count_ = 0;
+  };
+
+  struct Turn {  // of the directions over the hemisphere
+    explicit Turn(double of_all)
+        : share(of_all),
+          c(std::cos(2 * units::kPi * of_all)),
+          s(std::sin(2 * units::kPi * of_all)) {}
+    double share, c, s;
+  };
+
+  // Of the directions over the hemisphere the rays first, first + step, ... to see which of them
+  // meet the sky. Directions are cosine-distributed (Hammersley's points), lengths spread so that an
   // obstacle at distance t counts 1 - (t / reach)^2.
-  Sky sky_seen(const Seen& seen, int first, int step, const std::vector<SkyRay>& directions,
-               double turn) const {
+  void add_sky(const Seen& seen, int first, int step, const std::vector<SkyRay>& directions,
+               const Turn& turn, std::size_t group, Rays& rays) const {
     const Vec3 u = seen.normal.unitOrthogonal(), v = seen.normal.cross(u);
     const Vec3 start = seen.point + lift * seen.face;
-    const double c = std::cos(2 * units::kPi * turn), s = std::sin(2 * units::kPi * turn);
-    const Vec3 turned_u = c * u + s * v, turned_v = c * v - s * u;
-    Sky found;
+    const Vec3 turned_u = turn.c * u + turn.s * v, turned_v = turn.c * v - turn.s * u;
     for (std::size_t i = first; i < directions.size(); i += step) {
       const SkyRay& ray = directions[i];
-      const double length = reach * std::sqrt(fraction(ray.third + turn));
+      const double length = reach * std::sqrt(fraction(ray.third + turn.share));
       const Vec3 along = ray.across * turned_u + ray.aside * turned_v + ray.up * seen.normal;
-      ++found.rays;
-      if (along.dot(seen.face) <= 0 || !blocked(start, along, length)) ++found.open;
+      if (along.dot(seen.face) <= 0)
+        rays.add_open(group);
+      else
+        rays.add({start, along, 0, length}, group);
     }
-    return found;
   }
 
-  float key_seen(const Seen& seen, int sample, int total, double turn) const {
+  // Towards a place in the key light; nothing if the surface looks away from it.
+  std::optional<TreeRay> key_ray(const Seen& seen, int sample, int total, double turn) const {
     const double r = 0.12 * std::sqrt((sample + 0.5) / total);  // a disc of 7° around the key light
     const double angle = 2 * units::kPi * (radical_inverse(sample, 2) + turn);
     const Vec3 along =
         (key + r * std::cos(angle) * key_u + r * std::sin(angle) * key_v).normalized();
-    if (along.dot(seen.face) <= 0) return 0;
-    return blocked(seen.point + lift * seen.face, along, 1e6) ? 0.f : 1.f;
+    if (along.dot(seen.face) <= 0) return std::nullopt;
+    return TreeRay{seen.point + lift * seen.face, along, 0, 1e6};
+  }
+
+  void add_key(const Seen& seen, int sample, int total, double turn, std::size_t group,
+               Rays& rays) const {
+    if (const auto ray = key_ray(seen, sample, total, turn))
+      rays.add(*ray, group);
+    else
+      rays.add_blocked(group);
   }
 
   // `shares`: how much of the sky is open to a place, of equal parts of the sky.
@@ -369,7 +424,6 @@ struct Renderer::Pass {
     Colour light = from_sky.bounced * (0.40f + 0.08f * upward);
     light += 0.66f * lit * facing(key);
     light += (0.3f + 0.7f * from_sky.open) * 0.16f * facing(fill);
-    const Vec3 half = (key - camera.forward).normalized();
     const float gloss = seen.on_cut ? 0.f : 0.07f * lit * std::pow(facing(half), 50.f);
     if (seen.figure) light = 0.5f + 0.5f * light;
     return seen.colour * light + (seen.figure ? 0.f : gloss);
@@ -404,11 +458,35 @@ struct Renderer::Pass {
     for (int y = top - Tile::kAround; y <= top + tile.height + Tile::kAround; ++y)
       for (int x = left - Tile::kAround; x <= left + tile.width + Tile::kAround; ++x) {
         Seen& seen = tile.corners.emplace_back();
-        const bool any = look(camera.place(x, y), false, seen);
-        // Neighbouring corners take the four parts of the lamp.
-        tile.lit.push_back(any && key_seen(seen, (x & 1) + 2 * (y & 1), 4, pixel_noise(x, y)) > 0);
+        look(camera.place(x, y), false, seen);
       }
+    light_corners(tile);
     return tile;
+  }
+
+  void light_corners(Tile& tile) const {
+    tile.lit.assign(tile.corners.size(), false);
+    std::array<TreeRay, TriangleTree::kTogether> rays;
+    std::array<std::size_t, TriangleTree::kTogether> corner{};
+    std::size_t count = 0, at = 0;
+    const auto shoot = [&] {
+      const std::uint32_t met = blocked({rays.data(), count});
+      for (std::size_t i = 0; i < count; ++i) tile.lit[corner[i]] = (met >> i & 1) == 0;
+      count = 0;
+    };
+    for (int y = tile.top - Tile::kAround; y <= tile.top + tile.height + Tile::kAround; ++y)
+      for (int x = tile.left - Tile::kAround; x <= tile.left + tile.width + Tile::kAround;
+           ++x, ++at) {
+        const Seen& seen = tile.corners[at];
+        if (seen.depth == kInfinity) continue;
+        // Neighbouring corners take the four parts of the lamp.
+        const auto ray = key_ray(seen, (x & 1) + 2 * (y & 1), 4, pixel_noise(x, y));
+        if (!ray) continue;
+        rays[count] = *ray;
+        corner[count] = at;
+        if (++count == rays.size()) shoot();
+      }
+    shoot();
   }
 
   void draw_tile(int left, int top, Image& image) const {
@@ -430,7 +508,14 @@ struct Renderer::Pass {
                 of_one_surface(*near.place, *block.place, 2 * largest_step()))
               shares.insert(shares.end(), near.open.begin(), near.open.end());
           }
-        for (const auto& [px, py] : block.pixels) draw_plain(tile, px, py, shares, image);
+        // Most pixels of a block have one colour.
+        const Colour& colour = block.place->colour;
+        const SkyLight from_sky = sky_light(colour, shares);
+        for (const auto& [px, py] : block.pixels) {
+          const Colour& own = tile.centre(px, py).colour;
+          draw_plain(tile, px, py, (own == colour).all() ? from_sky : sky_light(own, shares),
+                     image);
+        }
       }
   }
 
@@ -461,31 +546,33 @@ struct Renderer::Pass {
       return block;
     }
     for (std::size_t i = 0; i < places.size(); ++i)
-      draw_plain(tile, block.pixels[i][0], block.pixels[i][1], sky_shares({places[i]}, turn),
-                 image);
+      draw_plain(tile, block.pixels[i][0], block.pixels[i][1],
+                 sky_light(places[i]->colour, sky_shares({places[i]}, turn)), image);
     return {};
   }
 
   // Of the quarters of the sky. A third of the rays first, and the others if one was blocked.
   std::array<float, 4> sky_shares(const std::vector<const Seen*>& places, double turn) const {
-    std::array<Sky, 4> above;
-    bool open = true;
-    for (int part = 0; part < 12 && (part < 4 || !open); ++part) {
-      Sky& quarter = above[part % 4];
-      const Sky more = sky_seen(*places[static_cast<std::size_t>(part) % places.size()], part, 12,
-                                plain_rays, turn);
-      quarter.rays += more.rays, quarter.open += more.open;
-      open = open && more.open == more.rays;
+    Rays rays(*this);
+    const Turn turned(turn);
+    const auto add = [&](std::size_t part) {
+      add_sky(*places[part % places.size()], static_cast<int>(part), 12, plain_rays, turned,
+              part % 4, rays);
+    };
+    const std::array<Sky, 4>& above = rays.groups;
+    for (std::size_t part = 0; part < 4; ++part) add(part);
+    rays.shoot();
+    if (std::any_of(above.begin(), above.end(), [](const Sky& s) { return s.open < s.rays; })) {
+      for (std::size_t part = 4; part < 12; ++part) add(part);
+      rays.shoot();
     }
     return {above[0].share(), above[1].share(), above[2].share(), above[3].share()};
   }
 
   // The mean of the pixel by Simpson's rule. The key light is tried by more rays where the
   // corners' disagree.
-  void draw_plain(const Tile& tile, int x, int y, std::span<const float> sky_shares,
-                  Image& image) const {
+  void draw_plain(const Tile& tile, int x, int y, const SkyLight& from_sky, Image& image) const {
     const Seen& centre = tile.centre(x, y);
-    const SkyLight from_sky = sky_light(centre.colour, sky_shares);
     const auto corners = tile.corners_of(x, y);
     const std::optional<bool> all = tile.all_lit(x, y);
     float lit = all.value_or(false) ? 1.f : 0.f;
@@ -493,10 +580,12 @@ struct Renderer::Pass {
       const double turn = pixel_noise(tile.left + x, tile.top + y);
       // Each corner takes every ring and every quarter of the lamp.
       constexpr int kRays = 32;
+      Rays rays(*this);
       for (int s = 0; s < kRays; ++s)
-        lit += key_seen(tile.corners[corners[static_cast<std::size_t>(s + s / 4) % 4]], s, kRays,
-                        turn) /
-               kRays;
+        add_key(tile.corners[corners[static_cast<std::size_t>(s + s / 4) % 4]], s, kRays, turn, 0,
+                rays);
+      rays.shoot();
+      lit = rays.groups[0].share();
     }
     Colour colour = 8 * shade(centre, from_sky, lit);
     for (const std::size_t c : corners) colour += shade(tile.corners[c], from_sky, lit);
@@ -517,8 +606,12 @@ struct Renderer::Pass {
       Colour colour = Colour::Zero();
       float alpha = 0;
       if (look(origin, false, seen)) {
-        const float open = sky_seen(seen, s, total, sample_rays, turn).share();
-        colour = shade(seen, sky_light(seen.colour, {&open, 1}), key_seen(seen, s, total, turn));
+        Rays rays(*this);
+        add_sky(seen, s, total, sample_rays, Turn(turn), 0, rays);
+        add_key(seen, s, total, turn, 1, rays);
+        rays.shoot();
+        const float open = rays.groups[0].share();
+        colour = shade(seen, sky_light(seen.colour, {&open, 1}), rays.groups[1].share());
         alpha = 1;
       }
       if (any_ghost) add_ghost(origin, seen.depth, colour, alpha);
@@ -572,6 +665,7 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
             {},
             {},
             {},
+            {},
             Pass::sky_rays(rounded_up(options.ambient_rays, 12)),
             Pass::sky_rays(rounded_up(options.ambient_rays, options.samples * options.samples)),
             std::any_of(parts_.begin(), parts_.end(), [](const Part& p) { return p.part.ghost; })};
@@ -587,6 +681,7 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
   pass.key = light(-0.55, 0.70, 0.85);
   pass.key_u = pass.key.unitOrthogonal();
   pass.key_v = pass.key.cross(pass.key_u);
+  pass.half = (pass.key - camera.forward).normalized();
   pass.fill = light(0.85, -0.15, 0.60);
   pass.sky = light(0, 0.8, 0.6);
   Image image = empty_image(camera);
