@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "toothprep/proof/figures/figure_context.h"
 #include "toothprep/proof/figures/outcome.h"
 #include "toothprep/proof/figures/report.h"
 #include "toothprep/step/core/units.h"
@@ -32,6 +33,24 @@ Outcome replay_of(const Exact& exact, const std::function<Vec3(std::size_t)>& er
     o.replay.rows.push_back(row);
   }
   return o;
+}
+
+TEST(FigureContext, ASpecimenIsMadeOnceForAllThatAskForTheSame) {
+  const FigureOptions options;
+  FigureContext context(options, 0);
+  const Experiment experiment;
+  figures::Run run;
+  run.block.size = Vec3(2, 2, 2);
+  run.block.enamel = 1;
+  const LayeredTooth first = context.specimen(experiment, run, 0.2);
+  const LayeredTooth again = context.specimen(experiment, run, 0.2);
+  EXPECT_EQ(tooth_sha256(first), tooth_sha256(make_specimen(experiment, run, 0.2)));
+  EXPECT_EQ(tooth_sha256(first), tooth_sha256(again));
+  EXPECT_NE(first.solid.shared_storage(), nullptr);
+  EXPECT_EQ(first.solid.shared_storage(), again.solid.shared_storage());
+  EXPECT_NE(tooth_sha256(context.specimen(experiment, run, 0.1)), tooth_sha256(first));
+  run.block.enamel = 0.5;
+  EXPECT_NE(tooth_sha256(context.specimen(experiment, run, 0.2)), tooth_sha256(first));
 }
 
 TEST(Plateaus, AreWhereOneTissueHasAllContactAndTheForceIsLevel) {

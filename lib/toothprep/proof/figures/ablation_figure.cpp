@@ -78,9 +78,8 @@ double energy_removed(const Parameters& p, const PerTissue<double>& removed) {
   return energy;
 }
 
-void run_on_path(Ablated& v, const Experiment& experiment, const FigureOptions& o) {
+void run_on_path(Ablated& v, const LayeredTooth& tooth, const FigureOptions& o) {
   const Bur bur = make_bur(v.run.bur, o.bur_library);
-  const LayeredTooth tooth = make_specimen(experiment, v.run, o.voxel);
   Workpiece workpiece(tooth);
   AblatedSession session(bur, workpiece, v.parameters, v.run.drive, v.run.ablation, v.path.front());
   v.rows.reserve(v.path.size());
@@ -95,13 +94,13 @@ void run_on_path(Ablated& v, const Experiment& experiment, const FigureOptions& 
   if (v.whole() && removed > 0) v.energy = session.torque_work() / removed;
 }
 
-void run_on_device(Ablated& v, const Experiment& experiment, const FigureOptions& o) {
+void run_on_device(Ablated& v, const LayeredTooth& tooth, const Experiment& experiment,
+                   const FigureOptions& o) {
   PhantomModel device = experiment.device;
   device.rate = 1 / v.parameters.time_step;
   std::vector<Vec3> intended;
   for (std::size_t i = 0; i <= v.stop; ++i) intended.push_back(v.path[i].pose.position);
   const Bur bur = make_bur(v.run.bur, o.bur_library);
-  const LayeredTooth tooth = make_specimen(experiment, v.run, o.voxel);
   Workpiece workpiece(tooth);
   SimulatedPhantom phantom(device, experiment.hand, intended.front());
   HandleSample handle = v.path.front();
@@ -393,9 +392,10 @@ FigureReport ablation_figure(const Experiment& experiment, FigureContext& contex
   for (Ablated& v : variants)
     jobs.push_back({experiment.name,
                     [&] {
-                      run_on_path(v, experiment, o);
+                      const LayeredTooth tooth = context.specimen(experiment, v.run, o.voxel);
+                      run_on_path(v, tooth, o);
                       judge_path(v);
-                      run_on_device(v, experiment, o);
+                      run_on_device(v, tooth, experiment, o);
                     },
                     2});
   context.run(jobs);

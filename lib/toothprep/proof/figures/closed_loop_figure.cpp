@@ -21,7 +21,7 @@ struct Loop {
 };
 
 Loop run_loop(const Experiment& experiment, const Run& run, const Parameters& parameters,
-              const FigureOptions& o) {
+              FigureContext& context) {
   PhantomModel device = experiment.device;
   device.rate = 1 / parameters.time_step;
   const std::vector<HandleSample> path = path_of(run, parameters);
@@ -30,9 +30,9 @@ Loop run_loop(const Experiment& experiment, const Run& run, const Parameters& pa
 
   Loop loop;
   loop.outcome.parameters = parameters;
-  LayeredTooth tooth = make_specimen(experiment, run, o.voxel);
+  LayeredTooth tooth = context.specimen(experiment, run, context.options().voxel);
   loop.outcome.tooth_sha256 = tooth_sha256(tooth);
-  const Bur bur = make_bur(run.bur, o.bur_library);
+  const Bur bur = make_bur(run.bur, context.options().bur_library);
   SimulatedPhantom phantom(device, experiment.hand, intended.front());
   LevelSet cut;
   {
@@ -191,9 +191,10 @@ FigureReport closed_loop_figure(const Experiment& experiment, FigureContext& con
   runs[1].name = "coupled";
   runs[1].drive = Drive::kCoupled;
   std::array<Loop, 2> loops;
-  context.run({{experiment.name, [&] { loops[0] = run_loop(experiment, runs[0], parameters, o); }},
-               {experiment.name, [&] { loops[1] = run_loop(experiment, runs[1], parameters, o); }},
-               {experiment.name, [&] { add_maps(figure, experiment, parameters); }}});
+  context.run(
+      {{experiment.name, [&] { loops[0] = run_loop(experiment, runs[0], parameters, context); }},
+       {experiment.name, [&] { loops[1] = run_loop(experiment, runs[1], parameters, context); }},
+       {experiment.name, [&] { add_maps(figure, experiment, parameters); }}});
 
   const std::string engine = name_of(parameters.engine);
   Plot plot;

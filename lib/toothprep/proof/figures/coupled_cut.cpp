@@ -137,8 +137,12 @@ std::vector<double> plunge_transfer(const CoupledCut& cut, double feed,
   return share;
 }
 
-LoopCut loop_cut(const CoupledCut& cut, Drive drive, const PhantomModel& given,
-                 const HandModel& hand, double feed) {
+LayeredTooth loop_block(const CoupledCut& cut, double feed) {
+  return block_around(cut, Vec3(0, -kRoom * feed * kLoopDuration, 0));
+}
+
+LoopCut loop_cut(const CoupledCut& cut, const LayeredTooth& block, Drive drive,
+                 const PhantomModel& given, const HandModel& hand, double feed) {
   const double h = cut.parameters.time_step;
   PhantomModel device = given;
   device.rate = 1 / h;
@@ -157,8 +161,7 @@ LoopCut loop_cut(const CoupledCut& cut, Drive drive, const PhantomModel& given,
     intended.emplace_back(std::min(1.0, time / kAheadIn) * ahead - Vec3(0, feed * time, 0));
   }
   const Bur bur = bur_of(cut);
-  const LayeredTooth tooth = block_around(cut, Vec3(0, -kRoom * feed * kLoopDuration, 0));
-  Workpiece workpiece(tooth);
+  Workpiece workpiece(block);
   SimulatedPhantom phantom(device, hand, intended.front());
   HandleSample handle;
   Session session(bur, workpiece, cut.parameters, drive, handle);

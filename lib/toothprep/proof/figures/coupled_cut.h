@@ -6,6 +6,7 @@
 
 #include "toothprep/proof/reference/closed_forms.h"
 #include "toothprep/step/core/parameters.h"
+#include "toothprep/step/tooth/layered_tooth.h"
 #include "toothprep/tools/device/closed_loop.h"
 
 namespace toothprep::figures {
@@ -44,7 +45,10 @@ struct LoopCut {
   double force = 0;        // N, mean of the last half second against the feed
   double way = 0;          // mm, of the handle along the feed over the last 1.1 s
 };
-LoopCut loop_cut(const CoupledCut& cut, Drive drive, const PhantomModel& device,
-                 const HandModel& hand, double feed);
+// `block` is loop_block() of the cut's tissue.
+LoopCut loop_cut(const CoupledCut& cut, const LayeredTooth& block, Drive drive,
+                 const PhantomModel& device, const HandModel& hand, double feed);
+// What it cuts, whatever the coupling, the drive and the device.
+LayeredTooth loop_block(const CoupledCut& cut, double feed);
 
 }  // namespace toothprep::figures

@@ -378,7 +378,7 @@ FigureReport feasibility_figure(const Experiment& experiment, FigureContext& con
                       b.coupled = exact_answer(run, p, b.path, o.bur_library);
                       b.direct = exact_answer(direct, p, b.path, o.bur_library);
                       b.outcome =
-                          run_on(run, p, make_specimen(experiment, run, o.voxel), o.bur_library);
+                          run_on(run, p, context.specimen(experiment, run, o.voxel), o.bur_library);
                     }});
   context.run(jobs);
 

@@ -260,7 +260,7 @@ FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
                         try {
                           p.element_size = element_size(bur, p) * variant->voxel / o.voxel;
                           Outcome outcome =
-                              run_on(run, p, make_specimen(experiment, run, variant->voxel),
+                              run_on(run, p, context.specimen(experiment, run, variant->voxel),
                                      o.bur_library);
                           variant->report = report_of(run, outcome, variant->voxel, &exact);
                           if (variant->main) variant->outcome = std::move(outcome);

@@ -30,6 +30,24 @@ void FigureContext::run(const std::vector<Job>& jobs) {
       tbb::simple_partitioner());
 }
 
+LayeredTooth FigureContext::specimen(const Experiment& experiment, const Run& run, double voxel) {
+  const BlockOptions& b = run.block;
+  std::array<double, 6> key = {1, 0, 0, 0, 0, voxel};
+  if (!experiment.molar) key = {0, b.size.x(), b.size.y(), b.size.z(), b.enamel, voxel};
+  {
+    const std::lock_guard lock(mutex_);
+    const auto known = specimens_.find(key);
+    if (known != specimens_.end()) return known->second;
+  }
+  // Not under the lock: who makes it in parallel may take up a job that asks for one meanwhile.
+  LayeredTooth made = make_specimen(experiment, run, voxel);
+  made.tissue.freeze();
+  made.solid.freeze();
+  for (LevelSet& grid : made.remains) grid.freeze();
+  const std::lock_guard lock(mutex_);
+  return specimens_.try_emplace(key, std::move(made)).first->second;
+}
+
 std::string FigureContext::place(const Experiment& experiment, const std::string& file) const {
   const fs::path folder = fs::path(options_.output) / experiment.name;
   std::error_code error;
@@ -113,7 +131,7 @@ std::vector<Outcome> replay_runs(const Experiment& experiment, EngineKind engine
                       Parameters p = parameters_of(run, o.base);
                       p.engine = engine;
                       outcomes[i] =
-                          run_on(run, p, make_specimen(experiment, run, o.voxel), o.bur_library);
+                          run_on(run, p, context.specimen(experiment, run, o.voxel), o.bur_library);
                     }});
   context.run(jobs);
   return outcomes;

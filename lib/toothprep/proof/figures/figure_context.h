@@ -1,8 +1,10 @@
 // What the experiments share while they run: options, progress, and how their files are written.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -27,6 +29,9 @@ class FigureContext {
   };
   void run(const std::vector<Job>& jobs);
 
+  // make_specimen(), made once for all that ask for the same; copies share its bricks.
+  LayeredTooth specimen(const Experiment& experiment, const Run& run, double voxel);
+
   // Files of an experiment: FOLDER/NAME in the output; the relative path is returned.
   std::string write_trace(const Experiment& experiment, const std::string& name, const Run& run,
                           const Outcome& outcome) const;
@@ -47,6 +52,8 @@ class FigureContext {
   const FigureOptions& options_;
   int replays_, done_ = 0;
   std::mutex mutex_;
+  // By whether it is a molar, size, enamel and voxel.
+  std::map<std::array<double, 6>, LayeredTooth> specimens_;
 };
 
 // Replays every run of the experiment with this engine, in parallel; in the order of the runs.

@@ -92,7 +92,7 @@ FigureReport literal_figure(const Experiment& experiment, FigureContext& context
                         const Run& run = experiment.runs[i];
                         outcomes[i][literal] =
                             run_on(run, parameters_of(run, o.base, literal),
-                                   make_specimen(experiment, run, o.voxel), o.bur_library);
+                                   context.specimen(experiment, run, o.voxel), o.bur_library);
                       }});
   context.run(jobs);
 

@@ -52,7 +52,15 @@ void OneLayerEngine::remove_at(const Pose& pose) noexcept {
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
       for (int z = low.z(); z <= high.z(); ++z) {
-        if (labels.value(x, y, z) == 0 || cut.value(x, y, z) > 0) continue;
+        const std::int64_t brick = labels.brick_index(x, y, z);  // of both grids
+        if (brick < 0) {
+          z |= kBrickEdge - 1;  // on to the next
+          continue;
+        }
+        const int at = brick_offset(x & 7, y & 7, z & 7);
+        if (cut.brick(static_cast<std::size_t>(brick))[at] > 0 ||
+            labels.brick(static_cast<std::size_t>(brick))[at] == 0)
+          continue;
         const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
         if (b.head<2>().squaredNorm() > widest * widest) continue;  // what is asked most
         if (bur_.distance(std::hypot(b.x(), b.y()), b.z()) < -deep_) remove_voxel({x, y, z});

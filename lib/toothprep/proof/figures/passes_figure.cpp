@@ -138,7 +138,7 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
                       if (i % 2)  // voxels and elements together
                         p.element_size = element_size(make_bur(run.bur, o.bur_library), p) / 2;
                       outcomes[i] = run_on(
-                          run, p, make_specimen(experiment, run, i % 2 ? o.voxel / 2 : o.voxel),
+                          run, p, context.specimen(experiment, run, i % 2 ? o.voxel / 2 : o.voxel),
                           o.bur_library);
                     }});
   context.run(jobs);

@@ -31,7 +31,7 @@ std::vector<std::vector<std::size_t>> chains_of(const std::vector<Run>& runs) {
 FigureReport preparation_figure(const Experiment& experiment, FigureContext& context) {
   const FigureOptions& o = context.options();
   FigureReport figure;
-  const LayeredTooth whole = make_specimen(experiment, experiment.runs.front(), o.voxel);
+  const LayeredTooth whole = context.specimen(experiment, experiment.runs.front(), o.voxel);
   context.write_surface(experiment, "before", whole);
   const std::string before = context.write_layers(experiment, "before", whole);
   std::vector<Outcome> outcomes(experiment.runs.size());

@@ -124,8 +124,9 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
   std::vector<FigureContext::Job> jobs;
   for (Variant& v : variants)
     jobs.push_back({experiment.name, [&] {
-                      v.outcome = run_on(*v.run, v.parameters,
-                                         make_specimen(experiment, *v.run, o.voxel), o.bur_library);
+                      v.outcome =
+                          run_on(*v.run, v.parameters,
+                                 context.specimen(experiment, *v.run, o.voxel), o.bur_library);
                       // The exact answer doesn't start again.
                       const StallRows s = first_stall(v.outcome.replay.rows);
                       if (!s.restarts) return;

@@ -379,11 +379,14 @@ std::vector<LoopCell> loop_cells(const Setting& s, const RenderingDevice& d) {
       cells.push_back({d.practical_stiffness, d.recommended_damping, tissue, Drive::kCoupled, {}});
     cells.push_back({0, 0, tissue, Drive::kDirect, {}});
   }
+  const double feed = t.feeds.front();
+  const LayeredTooth enamel = loop_block(s.with(Tissue::kEnamel, 1, 0), feed),
+                     dentin = loop_block(s.with(Tissue::kDentin, 1, 0), feed);
   tbb::parallel_for(std::size_t{0}, cells.size(), [&](std::size_t i) {
     LoopCell& c = cells[i];
     const bool direct = c.drive == Drive::kDirect;
-    c.cut = loop_cut(s.with(c.tissue, direct ? d.practical_stiffness : c.k, c.b), c.drive, d.model,
-                     s.hand, t.feeds.front());
+    c.cut = loop_cut(s.with(c.tissue, direct ? d.practical_stiffness : c.k, c.b),
+                     c.tissue == Tissue::kEnamel ? enamel : dentin, c.drive, d.model, s.hand, feed);
   });
   return cells;
 }

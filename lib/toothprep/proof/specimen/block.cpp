@@ -44,11 +44,12 @@ LayeredTooth make_block(const BlockOptions& o) {
   const double border = -o.enamel;
 
   const auto [lattice, lower, upper] = grid_of_box(low, high, o.voxel, o.pose);
+  const bool turned = !o.pose.orientation.vec().isZero(0);
 
   return build_tooth(
       lattice, lower, upper,
       [&](const Vec3& world) {
-        const Vec3 x = o.pose.to_local(world);
+        const Vec3 x = turned ? o.pose.to_local(world) : Vec3(world - o.pose.position);
         ToothSample s;
         const double none = 1e3;
         const double d = box_distance(x, low, high);

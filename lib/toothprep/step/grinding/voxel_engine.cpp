@@ -73,6 +73,7 @@ VoxelEngine::VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters&
       contact_(0, parameters.tissue, parameters.trailing_elements),
       last_(pose) {
   share_surface_out(bur, parameters.handpiece.clockwise);
+  turned_.resize(samples_.size());
   contact_ = ContactSet(samples_.size(), parameters.tissue, parameters.trailing_elements);
 }
 
@@ -136,16 +137,24 @@ std::vector<Vec3> VoxelEngine::contact_points() const {
 void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
   contact_.clear();
   const LabelGrid& labels = workpiece_.tooth().tissue;
-  const LevelSet& cut = workpiece_.cut();
+  const LevelSet& cut = workpiece_.cut();  // over the same bricks
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   const Mat3 rotation = pose.orientation.toRotationMatrix() / workpiece_.voxel();
-  for (const BoundarySample& sample : samples_) {
-    const Vec3 at = tip + rotation * sample.surface_point + Vec3::Constant(0.5);
+  if (rotation != rotation_) {
+    rotation_ = rotation;
+    for (std::size_t i = 0; i < samples_.size(); ++i)
+      turned_[i] = rotation * samples_[i].surface_point;
+  }
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    const Vec3 at = tip + turned_[i] + Vec3::Constant(0.5);
     if (at.cwiseAbs().maxCoeff() > 1e8) continue;  // far outside; must not overflow
     const int x = below(at.x()), y = below(at.y()), z = below(at.z());
-    const std::uint8_t label = labels.value(x, y, z);
-    if (label == 0 || cut.value(x, y, z) > 0) continue;
-    contact_.add(sample.element, label - 1, 1);
+    const std::int64_t brick = labels.brick_index(x, y, z);
+    if (brick < 0) continue;
+    const int voxel = brick_offset(x & 7, y & 7, z & 7);
+    const std::uint8_t label = labels.brick(static_cast<std::size_t>(brick))[voxel];
+    if (label == 0 || cut.brick(static_cast<std::size_t>(brick))[voxel] > 0) continue;
+    contact_.add(samples_[i].element, label - 1, 1);
   }
 }
 

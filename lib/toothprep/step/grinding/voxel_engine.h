@@ -66,6 +66,8 @@ class VoxelEngine final : public GrindingEngine {
   Workpiece& workpiece_;
   double arm_;  // mm, the longest of the head
   std::vector<BoundarySample> samples_;
+  std::vector<Vec3> turned_;      // their points, turned as `rotation_`, voxels
+  Mat3 rotation_ = Mat3::Zero();  // of the last sample(), per voxel
   ContactSet contact_;
   Pose last_;  // where tissue was last removed
   bool paused_ = false;
