@@ -17,11 +17,11 @@ constexpr double kRaised = 0.02;       // mm: over ripples of a floor, which wou
 constexpr int kWays = 12;              // all around
 const double kSteep = std::sqrt(0.5);  // of a wall's normal, the part across the path
 
-// How far from x along `side` (unit, across the path) the way out is free; kDeepest if nowhere.
+// How far from x along `side` (unit, across the path) the way out is free; `stop` if not nearer.
 double free_after(const TriangleTree& tree, const Vec3& x, const Vec3& side, const Vec3& path,
                   double stop) {
-  double blocked = 0;
-  for (double t = kStep; t < stop; t += kStep) {
+  for (double blocked = 0; blocked < stop;) {
+    const double t = std::min(blocked + kStep, stop);
     if (tree.hits(x + t * side, path)) {
       blocked = t;
       continue;
@@ -95,7 +95,7 @@ Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, c
       const double turn = k * 2 * units::kPi / kWays, cosine = std::cos(turn);
       const double share = cosine > 0.4 ? cosine : 1;
       const Vec3 way = cosine * side + std::sin(turn) * other;
-      const double stop = std::max(least, across / share);
+      const double stop = std::max(least, (cosine > 0.8 ? nearly : across) / share);
       const double free = free_after(prepared, raised, way, path, stop);
       if (free >= stop) continue;
       least = std::min(least, free);
@@ -112,6 +112,8 @@ Undercut find_undercuts(const CutFacets& facets, const TriangleTree& prepared, c
     result.facets.push_back(i);
     result.area += facets[i].area;
     const double overhang = -facets[i].normal.dot(path);
+    if (-overhang > kSteep)
+      continue;  // a floor: no deeper than the walls on it, but for its corners
     const double at_the_floor =
         depth[i] + (std::isnan(ways_down[i]) ? 0 : ways_down[i] * std::max(0.0, overhang));
     if (at_the_floor > result.deepest) {

@@ -26,7 +26,8 @@ struct Undercut {
 // is how far it would have to move across the path for the line to be free: the most that has to be
 // blocked out there, as the field measures undercuts with a surveyor. Exact on the mesh to 1 µm. In a
 // corner of two undercut walls it is what the way out, within 60° of where the wall faces, leads
-// across that wall; the way around the other one doesn't count.
+// across that wall; the way around the other one doesn't count. A floor below them is undercut, too,
+// but how deep is said of walls and ceilings only.
 // Facets within two of a line angle don't count: voxels bevel it, which looks like an undercut of
 // half a voxel. But a dovetail is deepest there: from facets near the floor the depth is extended
 // along the wall down to it. ways_down: per facet the way along its slope to the floor, mm, or NaN
