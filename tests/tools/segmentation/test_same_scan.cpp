@@ -6,6 +6,7 @@
 #include "../../support/phantom.h"
 #include "../../support/scan_files.h"
 #include "toothprep/tools/segmentation/voxelize.h"
+#include "toothprep/tools/segmentation/wide_vectors.h"
 
 namespace toothprep {
 namespace {
@@ -109,6 +110,18 @@ TEST_F(SameScan, IsTheSameToothBitByBit) {
     }
     EXPECT_EQ(hash, *first) << name;
   }
+}
+
+TEST(WideVectors, GiveTheSameToothBitByBit) {
+  const auto scan = phantom::scan_of(phantom::peg(), Vec3(-4.5, -4.5, -10.5), Vec3(4.5, 4.5, 5.5),
+                                     phantom::Scanner());
+  VoxelizeOptions options;
+  options.voxel = 0.14;
+  const std::string wide = tooth_sha256(voxelize_scan(scan, options));
+  wide_vectors_allowed = false;
+  const std::string narrow = tooth_sha256(voxelize_scan(scan, options));
+  wide_vectors_allowed = true;
+  EXPECT_EQ(wide, narrow);
 }
 
 TEST_F(SameScan, ObliqueAndAnisotropicIsTheSameToothWithinTheFormatsPrecision) {

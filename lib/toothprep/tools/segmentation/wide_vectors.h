@@ -11,11 +11,14 @@ __attribute__((target("avx2"), flatten)) void with_avx2(const Work& work) {
 }
 #endif
 
+// False: as on a processor without them, for a test of the same results.
+inline bool wide_vectors_allowed = true;
+
 // work(): twice as many numbers an instruction where the processor can, with the same results.
 template <class Work>
 void with_wide_vectors(const Work& work) {
 #if defined(__x86_64__) && defined(__GNUC__)
-  if (__builtin_cpu_supports("avx2")) return with_avx2(work);
+  if (wide_vectors_allowed && __builtin_cpu_supports("avx2")) return with_avx2(work);
 #endif
   work();
 }
