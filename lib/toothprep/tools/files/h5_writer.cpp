@@ -19,7 +19,7 @@ namespace {
 
 // Chunks of about this many bytes: a viewer reads one quickly, and gzip has enough to work on.
 constexpr std::size_t kChunkBytes = 256 * 1024;
-constexpr unsigned kGzipLevel = 4;
+constexpr unsigned kGzipLevel = 1;
 
 hid_t type_of(Storage storage) {
   switch (storage) {

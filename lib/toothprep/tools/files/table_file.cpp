@@ -17,7 +17,7 @@ namespace toothprep {
 namespace {
 
 constexpr std::size_t kChunkRows = 4096, kSmallBytes = 8192;
-constexpr unsigned kGzipLevel = 4;
+constexpr unsigned kGzipLevel = 1;
 
 h5::Handle stored_type(const TableColumn& column) {
   if (column.type == CellType::kWhole) return {H5Tcopy(H5T_STD_I64LE), H5Tclose};
