@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <utility>
 
 #include "toothprep/tools/mesh/crossing_triangles.h"
@@ -14,6 +15,7 @@ namespace toothprep {
 namespace {
 
 constexpr double kBackStep = 0.25;  // of a vertex's way
+constexpr double kOnLine = 0.002;   // of a triangle's longest edge, its height
 
 using FloatBox = Eigen::AlignedBox3f;
 
@@ -136,15 +138,24 @@ Vec3 CreaseVertices::normal(const std::array<std::uint32_t, 3>& t) const {
   return (at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])).normalized();
 }
 
+bool CreaseVertices::is_on_line(std::size_t t) const {
+  const auto& c = mesh_.triangles[t];
+  const Vec3 a = at(c[0]), b = at(c[1]), d = at(c[2]);
+  const double longest =
+      std::max({(b - a).squaredNorm(), (d - b).squaredNorm(), (a - d).squaredNorm()});
+  return (b - a).cross(d - a).norm() < kOnLine * longest;
+}
+
 // Replaces edges of triangles by the other diagonals of both their triangles.
 class CreaseVertices::Flips {
  public:
   Flips(CreaseVertices& vertices, const LooksWell& looks_well, const MayFlip& may_flip,
-        const std::vector<std::size_t>& folded)
+        const std::vector<std::size_t>& folded, bool lines_count)
       : vertices_(vertices),
         triangles_(vertices.mesh_.triangles),
         looks_well_(looks_well),
-        may_flip_(may_flip) {
+        may_flip_(may_flip),
+        lines_count_(lines_count) {
     constexpr int kRings = 4;
     std::vector<bool> near(vertices.mesh_.vertices.size());
     for (const std::size_t t : folded)
@@ -186,11 +197,14 @@ class CreaseVertices::Flips {
     const auto& c = triangles_[t];
     return c[0] == v || c[1] == v || c[2] == v;
   }
+  // Twice the area of a triangle that looks elsewhere. One whose corners lie on a line, as three of
+  // a margin can, may look anywhere: a little, if it counts.
   double folded_area(std::size_t t) const {
     const auto& c = triangles_[t];
-    const Vec3 a = vertices_.at(c[0]),
-               twice = (vertices_.at(c[1]) - a).cross(vertices_.at(c[2]) - a);
-    return looks_well_(t, twice.normalized()) ? 0 : twice.norm();
+    const Vec3 a = vertices_.at(c[0]), b = vertices_.at(c[1]),
+               twice = (b - a).cross(vertices_.at(c[2]) - a);
+    if (!looks_well_(t, twice.normalized())) return twice.norm();
+    return lines_count_ && vertices_.is_on_line(t) ? kOnLine * (b - a).squaredNorm() : 0;
   }
   void follow(std::size_t triangle, std::uint32_t apex, int depth) {
     constexpr int kDeepest = 6;
@@ -239,19 +253,21 @@ class CreaseVertices::Flips {
   std::vector<std::array<std::uint32_t, 3>>& triangles_;
   const LooksWell& looks_well_;
   const MayFlip& may_flip_;
+  bool lines_count_;
   std::unordered_map<std::uint32_t, std::vector<std::size_t>> about_;  // triangles at a vertex
   double gained_ = 0;                                                  // of folded area, by these
   std::vector<Flip> done_;
 };
 
-void CreaseVertices::flip_folded(const LooksWell& looks_well, const MayFlip& may_flip) {
+void CreaseVertices::flip_folded(std::vector<std::size_t> folded, const LooksWell& looks_well,
+                                 const MayFlip& may_flip, bool lines_count) {
   constexpr int kPasses = 20;
-  const auto is_folded = [&](std::size_t t) { return !looks_well(t, normal(mesh_.triangles[t])); };
-  std::vector<std::size_t> folded;
-  for (const std::size_t t : moved_triangles())
-    if (is_folded(t)) folded.push_back(t);
+  const auto is_folded = [&](std::size_t t) {
+    return !looks_well(t, normal(mesh_.triangles[t])) || (lines_count && is_on_line(t));
+  };
+  std::erase_if(folded, [&](std::size_t t) { return !is_folded(t); });
   if (folded.empty()) return;
-  Flips flips(*this, looks_well, may_flip, folded);
+  Flips flips(*this, looks_well, may_flip, folded, lines_count);
   for (int pass = 0; pass < kPasses && !folded.empty(); ++pass) {
     std::vector<std::size_t> left;
     for (const std::size_t t : folded)
@@ -273,6 +289,14 @@ CreaseVertices::Bad CreaseVertices::bad_among(const std::vector<std::size_t>& tr
   });
   std::erase_if(bad, [](const auto& its) { return its.empty(); });
   return bad;
+}
+
+std::vector<bool> CreaseVertices::corners_of(const Bad& bad) const {
+  std::vector<bool> corners(mesh_.vertices.size());
+  for (const auto& its : bad)
+    for (const std::size_t t : its)
+      for (const std::uint32_t v : mesh_.triangles[t]) corners[v] = true;
+  return corners;
 }
 
 // The vertices of such triangles, those that divide first. False if there are none.
@@ -305,11 +329,8 @@ void CreaseVertices::place(const LooksWell& looks_well, const MayFlip& may_flip)
   for (;;) {
     const Bad bad = try_to_place(looks_well, may_flip);
     if (bad.empty()) return;
-    std::vector<bool> there(mesh_.vertices.size());
-    for (const auto& its : bad)
-      for (const std::size_t t : its)
-        for (const std::uint32_t v : mesh_.triangles[t]) there[v] = true;
-    const std::vector<bool> at_bad = there;
+    const std::vector<bool> at_bad = corners_of(bad);
+    std::vector<bool> there = at_bad;
     for (const auto& t : mesh_.triangles)
       if (at_bad[t[0]] || at_bad[t[1]] || at_bad[t[2]])
         there[t[0]] = there[t[1]] = there[t[2]] = true;
@@ -328,14 +349,28 @@ void CreaseVertices::place(const LooksWell& looks_well, const MayFlip& may_flip)
 CreaseVertices::Bad CreaseVertices::try_to_place(const LooksWell& looks_well,
                                                  const MayFlip& may_flip) {
   const std::vector<FloatBox> its_reach = reach();
-  flip_folded(looks_well, may_flip);
-  const std::vector<std::size_t> all = moved_triangles();
-  Neighbours neighbours(mesh_, its_reach, voxel_);
-  neighbours.keep(all);
+  std::vector<std::size_t> all;
+  std::optional<Neighbours> neighbours;
+  const auto find_neighbours = [&] {
+    all = moved_triangles();
+    neighbours.emplace(mesh_, its_reach, voxel_);
+    neighbours->keep(all);
+  };
+  flip_folded(moved_triangles(), looks_well, may_flip, false);
+  find_neighbours();
+  Bad bad = bad_among(all, *neighbours, looks_well);
+  if (bad.empty()) return bad;
+  const std::vector<bool> there = corners_of(bad);
+  std::erase_if(all, [&](std::size_t t) {
+    const auto& c = mesh_.triangles[t];
+    return !(there[c[0]] || there[c[1]] || there[c[2]]);
+  });
+  flip_folded(all, looks_well, may_flip, true);
+  find_neighbours();
   for (std::vector<std::size_t> changed = all;;) {
-    const Bad bad = bad_among(changed, neighbours, looks_well);
+    bad = bad_among(changed, *neighbours, looks_well);
     const std::vector<Eigen::Vector3f> before = mesh_.vertices;
-    if (!move_back(bad)) return bad_among(all, neighbours, looks_well);
+    if (!move_back(bad)) return bad_among(all, *neighbours, looks_well);
     put_all();
     changed.clear();
     for (const std::size_t t : all)

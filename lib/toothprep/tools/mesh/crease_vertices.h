@@ -52,10 +52,13 @@ class CreaseVertices {
   std::vector<Eigen::AlignedBox3f> reach();
   bool is_changed(std::size_t triangle) const;
   std::vector<std::size_t> moved_triangles() const;
-  void flip_folded(const LooksWell& looks_well, const MayFlip& may_flip);
+  bool is_on_line(std::size_t triangle) const;
+  void flip_folded(std::vector<std::size_t> folded, const LooksWell& looks_well,
+                   const MayFlip& may_flip, bool lines_count);
   using Bad = std::vector<std::vector<std::size_t>>;  // triangles that cross or look elsewhere
   Bad bad_among(const std::vector<std::size_t>& triangles, const Neighbours& neighbours,
                 const LooksWell& looks_well) const;
+  std::vector<bool> corners_of(const Bad& bad) const;  // of vertices, whether they are
   bool move_back(const Bad& bad);
   Bad try_to_place(const LooksWell& looks_well, const MayFlip& may_flip);
 
