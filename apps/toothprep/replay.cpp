@@ -255,7 +255,12 @@ void run(const Options& o, const Common& common) {
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
   tbb::parallel_invoke(
-      [&] { write_trace(o.trace_every > 1 ? every_nth_row(trace, o.trace_every) : trace, output); },
+      [&] {
+        if (o.trace_every > 1)
+          write_trace(every_nth_row(trace, o.trace_every), output);
+        else
+          write_trace(trace, output);
+      },
       [&] {
         if (prepared.empty()) return;
         apply_cut(tooth, workpiece.cut());

@@ -37,7 +37,7 @@ hid_t type_of(Storage storage) {
   return H5T_IEEE_F64LE;
 }
 
-static_assert(std::endian::native == std::endian::little, "stored_bytes() gives the machine's");
+static_assert(std::endian::native == std::endian::little, "stored() gives the machine's");
 
 template <class T>
 void put(const double* values, std::size_t count, std::vector<char>& bytes) {
@@ -52,9 +52,14 @@ void put(const double* values, std::size_t count, std::vector<char>& bytes) {
   }
 }
 
-// As they are stored: whole numbers cut off to what their type holds.
-std::vector<char> stored_bytes(const double* values, std::size_t count, Storage storage) {
-  std::vector<char> bytes;
+// Values as they are stored: whole numbers cut off to what their type holds.
+struct Stored {
+  const void* data;
+  std::size_t size;  // bytes
+};
+
+// In `bytes`, but for doubles, which are stored as they are.
+Stored stored(const double* values, std::size_t count, Storage storage, std::vector<char>& bytes) {
   switch (storage) {
     case Storage::kUint32:
       put<std::uint32_t>(values, count, bytes);
@@ -69,11 +74,9 @@ std::vector<char> stored_bytes(const double* values, std::size_t count, Storage 
       put<std::int64_t>(values, count, bytes);
       break;
     case Storage::kDouble:
-      bytes.resize(count * sizeof(double));
-      std::memcpy(bytes.data(), values, bytes.size());
-      break;
+      return {values, count * sizeof(double)};
   }
-  return bytes;
+  return {bytes.data(), bytes.size()};
 }
 
 // Strings of variable length: the kind that h5py and MATLAB give back as plain text.
@@ -104,7 +107,8 @@ std::vector<std::uint64_t> shape_of_rows(std::uint64_t rows, int width) {
 
 }  // namespace
 
-Writer::Writer(const std::string& path) : path_(path), shown_(path) {
+Writer::Writer(const std::string& path, Checksums checksums)
+    : path_(path), shown_(path), checksums_(checksums) {
   errno = 0;
   const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
   check(H5Pset_obj_track_times(creation.get(), false));
@@ -171,13 +175,16 @@ void Writer::dataset(const char* name, const char* unit, const std::vector<doubl
   check(H5Pset_fill_value(creation.get(), H5T_NATIVE_DOUBLE, &zero));
   check(H5Pset_fill_time(creation.get(), H5D_FILL_TIME_ALLOC));
   const Handle set = make_dataset(name, storage, space.get(), creation.get());
-  const std::vector<char> bytes = stored_bytes(values.data(), values.size(), storage);
+  std::vector<char> bytes;
+  const Stored its = stored(values.data(), values.size(), storage, bytes);
   errno = 0;
-  check(H5Dwrite(set.get(), type_of(storage), H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data()));
-  Sha256 hash;
-  hash.update(bytes.data(), bytes.size());
-  dataset_lines_.insert(
-      dataset_line(name, type_of(storage), shape_of_rows(rows, width), hash.hex()));
+  check(H5Dwrite(set.get(), type_of(storage), H5S_ALL, H5S_ALL, H5P_DEFAULT, its.data));
+  if (checksums_ == Checksums::kYes) {
+    Sha256 hash;
+    hash.update(its.data, its.size);
+    dataset_lines_.insert(
+        dataset_line(name, type_of(storage), shape_of_rows(rows, width), hash.hex()));
+  }
   describe(set, unit, names, of_what);
 }
 
@@ -298,15 +305,16 @@ void GrowingWriter::append(std::size_t column, const double* values, std::size_t
   const hsize_t start[2] = {c.rows, 0};
   const hsize_t count[2] = {rows, width};
   const hsize_t size[2] = {start[0] + count[0], width};
-  const std::vector<char> bytes = stored_bytes(values, rows * width, c.storage);
+  std::vector<char> bytes;
+  const Stored its = stored(values, rows * width, c.storage, bytes);
   errno = 0;
   check(H5Dset_extent(c.set.get(), size));
-  const Handle stored(H5Dget_space(c.set.get()), H5Sclose);
+  const Handle space(H5Dget_space(c.set.get()), H5Sclose);
   const Handle memory(H5Screate_simple(c.width == 1 ? 1 : 2, count, nullptr), H5Sclose);
-  check(H5Sselect_hyperslab(stored.get(), H5S_SELECT_SET, start, nullptr, count, nullptr));
-  check(H5Dwrite(c.set.get(), type_of(c.storage), memory.get(), stored.get(), H5P_DEFAULT,
-                 bytes.data()));
-  c.hash->update(bytes.data(), bytes.size());
+  check(H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start, nullptr, count, nullptr));
+  check(
+      H5Dwrite(c.set.get(), type_of(c.storage), memory.get(), space.get(), H5P_DEFAULT, its.data));
+  c.hash->update(its.data, its.size);
   c.rows = size[0];
 }
 

@@ -16,10 +16,14 @@
 
 namespace toothprep::h5 {
 
+// Whether a whole file's datasets are hashed for write_checksums().
+enum class Checksums { kNo, kYes };
+
 // Same calls, same bytes: no object times, fixed fill values.
 class Writer {
  public:
-  explicit Writer(const std::string& path);  // replaces a file
+  explicit Writer(const std::string& path,
+                  Checksums checksums = Checksums::kNo);  // replaces a file
 
   void group(const char* name);
 
@@ -35,7 +39,7 @@ class Writer {
   void numbers(const char* name, const std::vector<double>& values);
   void integer(const char* name, std::int64_t value);  // 32 bits where they do
 
-  // The attribute `checksums` of all that was written so far (h5_checksums.h).
+  // The attribute `checksums` of all that was written so far (h5_checksums.h); Checksums::kYes.
   void write_checksums();
 
   void close();
@@ -54,6 +58,7 @@ class Writer {
   std::set<std::string> attribute_lines(const std::set<std::string>& without) const;
 
   std::string path_, shown_;  // where it is; what messages call it
+  Checksums checksums_ = Checksums::kNo;
   Handle file_, group_creation_;
   std::set<std::string> dataset_lines_;
 

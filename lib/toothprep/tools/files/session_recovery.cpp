@@ -149,7 +149,7 @@ class Salvage {
   }
 
   void write(const std::string& to) {
-    h5::Writer out(to);
+    h5::Writer out(to, h5::Checksums::kYes);
     for (const std::string& name : attribute_names(file_.get())) copy_attribute(out, name);
     out.integer("recovered", 1);
     for (const std::string& name : groups_)
