@@ -110,6 +110,37 @@ TEST(VoxelEngine, TrailingElementsHoldTheBurBackAndTakeTorqueOff) {
   EXPECT_LT(with.torque, 0.98 * without.torque);
 }
 
+TEST(VoxelEngine, ContactDependsOnThePlaceOfTheBurNotOnItsWay) {
+  // An engine that follows a bur along axes of the lattice, aslant, by jumps and turns, there and
+  // back, meets what one does that looks for the first time.
+  const LayeredTooth tooth = block(0.1, 1, Vec3(4, 4, 4));
+  Workpiece workpiece(tooth);
+  const Bur bur = paper_cylinder();
+  const Vec3 v(0, -1, 0.2);
+  Pose pose{Vec3(0, -0.2, -1.5), Quat::Identity()};
+  VoxelEngine follows(bur, workpiece, voxel_parameters(), pose);
+  const auto expect_same = [&] {
+    VoxelEngine anew(bur, workpiece, voxel_parameters(), pose);
+    follows.sample(pose, v, Vec3::Zero());
+    anew.sample(pose, v, Vec3::Zero());
+    ASSERT_GT(anew.contact().size(), 0);
+    ASSERT_EQ(follows.contact().size(), anew.contact().size());
+    const GrindingResponse a = follows.contact().response(v, Vec3::Zero(), 100);
+    const GrindingResponse b = anew.contact().response(v, Vec3::Zero(), 100);
+    EXPECT_EQ(a.B, b.B);
+    EXPECT_EQ(a.b, b.b);
+  };
+  for (const Vec3& move : {Vec3(0, -0.003, 0), Vec3(0, 0, 0), Vec3(0.001, -0.002, 0.0015),
+                           Vec3(-0.004, 0.001, 0), Vec3(0.05, -0.02, 0.03), Vec3(0, 0.003, 1e-12)})
+    for (int n = 0; n < 40; ++n) {
+      pose.position += n < 25 ? move : Vec3(-move);
+      if (n == 30)
+        pose.orientation =
+            pose.orientation * Quat(Eigen::AngleAxisd(0.02, (move + v).normalized()));
+      expect_same();
+    }
+}
+
 TEST(VoxelEngine, ReplayTwiceGivesTheSameBits) {
   const LayeredTooth tooth = block(0.1, 1, Vec3(4, 4, 4));
   const auto path = straight_path({Vec3(0.02, 0.7, -1.5), Vec3(0.4, -2, -1.3)}, 1.0);

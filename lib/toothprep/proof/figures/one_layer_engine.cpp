@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "toothprep/step/grinding/deep_voxels.h"
+
 namespace toothprep::figures {
 OneLayerEngine::OneLayerEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
                                const Pose& pose, Layers layers)
@@ -18,53 +20,34 @@ PerTissue<double> OneLayerEngine::clear(const Pose& pose) {
   return std::exchange(removed_, PerTissue<double>{});
 }
 
-void OneLayerEngine::remove_voxel(const Index3& v) noexcept {
-  LevelSet& cut = workpiece_.cut();
-  const std::uint8_t label = workpiece_.tooth().tissue.value(v.x(), v.y(), v.z());
-  if (label == 0 || cut.value(v.x(), v.y(), v.z()) > 0) return;
-  const auto brick = static_cast<std::size_t>(cut.brick_index(v.x(), v.y(), v.z()));
-  float* values = cut.writable_brick(brick, false);
+void OneLayerEngine::remove_voxel(std::size_t brick, int voxel, std::uint8_t label) noexcept {
+  float* values = workpiece_.cut().writable_brick(brick, false);
   if (!values) return;
-  values[brick_offset(v.x() & 7, v.y() & 7, v.z() & 7)] =
-      static_cast<float>(0.5 * workpiece_.voxel());
+  values[voxel] = static_cast<float>(0.5 * workpiece_.voxel());
   workpiece_.changed().mark(brick);
   removed_[label - 1] += std::pow(workpiece_.voxel(), 3);
 }
 
 void OneLayerEngine::remove_at(const Pose& pose) noexcept {
-  const double voxel = workpiece_.voxel();
+  const LabelGrid& labels = workpiece_.tooth().tissue;
+  const LevelSet& cut = workpiece_.cut();  // over the same bricks
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   if (!(tip.cwiseAbs().maxCoeff() < 1e6)) return;  // a bur that was thrown out
-  const Mat3 to_index = pose.orientation.toRotationMatrix() / voxel;
+  const Mat3 to_index = pose.orientation.toRotationMatrix() / workpiece_.voxel();
   for (const Vec3& point : surface_) {
     const Vec3 at = (tip + to_index * point + Vec3::Constant(0.5)).array().floor();
-    remove_voxel(at.cast<int>());
+    const Index3 v = at.cast<int>();
+    const std::int64_t index = labels.brick_index(v.x(), v.y(), v.z());
+    if (index < 0) continue;
+    const auto brick = static_cast<std::size_t>(index);
+    const int voxel = brick_offset(v.x() & 7, v.y() & 7, v.z() & 7);
+    const std::uint8_t label = labels.brick(brick)[voxel];
+    if (label != 0 && cut.brick(brick)[voxel] <= 0) remove_voxel(brick, voxel, label);
   }
-  const Vec3 end = tip + to_index * Vec3(0, 0, bur_.head_length());
-  const double grow = bur_.max_radius() / voxel;
-  const Vec3 first = (tip.cwiseMin(end).array() - grow).ceil();
-  const Vec3 last = (tip.cwiseMax(end).array() + grow).floor();
-  const Index3 low = first.cast<int>(), high = last.cast<int>();
-  const Mat3 to_bur = pose.orientation.toRotationMatrix().transpose() * voxel;
-  const double widest = bur_.max_radius() + 1e-9;  // mm, and more than rounding
-  const LabelGrid& labels = workpiece_.tooth().tissue;
-  const LevelSet& cut = workpiece_.cut();
-  for (int x = low.x(); x <= high.x(); ++x)
-    for (int y = low.y(); y <= high.y(); ++y)
-      for (int z = low.z(); z <= high.z(); ++z) {
-        const std::int64_t brick = labels.brick_index(x, y, z);  // of both grids
-        if (brick < 0) {
-          z |= kBrickEdge - 1;  // on to the next
-          continue;
-        }
-        const int at = brick_offset(x & 7, y & 7, z & 7);
-        if (cut.brick(static_cast<std::size_t>(brick))[at] > 0 ||
-            labels.brick(static_cast<std::size_t>(brick))[at] == 0)
-          continue;
-        const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
-        if (b.head<2>().squaredNorm() > widest * widest) continue;  // what is asked most
-        if (bur_.distance(std::hypot(b.x(), b.y()), b.z()) < -deep_) remove_voxel({x, y, z});
-      }
+  for_deep_voxels(bur_, workpiece_, pose, deep_,
+                  [&](std::size_t brick, int voxel, const Index3&, std::uint8_t label) {
+                    remove_voxel(brick, voxel, label);
+                  });
 }
 
 }  // namespace toothprep::figures

@@ -32,7 +32,7 @@ class OneLayerEngine final : public GrindingEngine {
 
  private:
   void remove_at(const Pose& pose) noexcept;
-  void remove_voxel(const Index3& v) noexcept;
+  void remove_voxel(std::size_t brick, int voxel, std::uint8_t label) noexcept;
 
   const Bur& bur_;
   Workpiece& workpiece_;

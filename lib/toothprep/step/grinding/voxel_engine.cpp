@@ -7,6 +7,7 @@
 #include <set>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/deep_voxels.h"
 
 namespace toothprep {
 namespace {
@@ -15,6 +16,7 @@ constexpr double kSweepVoxels = 0.55;      // a fast move is swept in steps of h
 constexpr double kElementsPerVoxel = 4;    // along each direction, to share the surface out
 constexpr double kSmallestElement = 0.02;  // mm
 constexpr double kDepthRounding = 1e-9;    // a centre exactly one voxel deep is boundary
+constexpr double kWayRounding = 1e-6;      // voxels
 
 using Cell = std::array<int, 3>;
 
@@ -74,6 +76,7 @@ VoxelEngine::VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters&
       last_(pose) {
   share_surface_out(bur, parameters.handpiece.clockwise);
   turned_.resize(samples_.size());
+  places_.resize(samples_.size());
   contact_ = ContactSet(samples_.size(), parameters.tissue, parameters.trailing_elements);
 }
 
@@ -134,27 +137,62 @@ std::vector<Vec3> VoxelEngine::contact_points() const {
   return points;
 }
 
-void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
-  contact_.clear();
-  const LabelGrid& labels = workpiece_.tooth().tissue;
-  const LevelSet& cut = workpiece_.cut();  // over the same bricks
+// In a step the tip moves by a small part of a voxel, so most points stay in their voxels: each is
+// looked for again when the tip may have moved far enough for it to leave.
+void VoxelEngine::follow(const Pose& pose) noexcept {
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   const Mat3 rotation = pose.orientation.toRotationMatrix() / workpiece_.voxel();
-  if (rotation != rotation_) {
+  const Vec3 moved = (tip - tip_).cwiseAbs();
+  tip_ = tip;
+  bool anew = rotation != rotation_;
+  if (anew) {
     rotation_ = rotation;
+    moves_.fill(false);
     for (std::size_t i = 0; i < samples_.size(); ++i)
       turned_[i] = rotation * samples_[i].surface_point;
+  } else {
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (moved[static_cast<int>(a)] == 0 || moves_[a]) continue;
+      moves_[a] = anew = true;
+    }
   }
+  // More than any rounding, so that it grows with every move; NaN stays.
+  if (!anew && (moved.array() != 0).any()) way_ += moved.sum() + kWayRounding;
+  for (std::size_t i = 0; i < samples_.size(); ++i)
+    if (anew || !(way_ < places_[i].until)) find_place(i);
+}
+
+void VoxelEngine::find_place(std::size_t sample) noexcept {
+  const LabelGrid& labels = workpiece_.tooth().tissue;
+  const Vec3 at = tip_ + turned_[sample] + Vec3::Constant(0.5);
+  Place& place = places_[sample];
+  place = {};
+  if (!(at.cwiseAbs().maxCoeff() <= 1e8)) return;  // far outside; must not overflow
+  const Index3 v(below(at.x()), below(at.y()), below(at.z()));
+  double room = 1;  // until it leaves the voxel along an axis on which the tip moves
+  for (int a = 0; a < 3; ++a)
+    if (moves_[static_cast<std::size_t>(a)])
+      room = std::min({room, at[a] - v[a], v[a] + 1 - at[a]});
+  place.until = way_ + room - kWayRounding;
+  const std::int64_t brick = labels.brick_index(v.x(), v.y(), v.z());
+  if (brick < 0) return;
+  const int voxel = brick_offset(v.x() & 7, v.y() & 7, v.z() & 7);
+  const std::uint8_t label = labels.brick(static_cast<std::size_t>(brick))[voxel];
+  if (label == 0) return;
+  place.brick = static_cast<std::int32_t>(brick);
+  place.voxel = static_cast<std::int16_t>(voxel);
+  place.tissue = static_cast<std::int16_t>(label - 1);
+}
+
+void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
+  contact_.clear();
+  follow(pose);
+  const LevelSet& cut = workpiece_.cut();  // over the same bricks as the labels
   for (std::size_t i = 0; i < samples_.size(); ++i) {
-    const Vec3 at = tip + turned_[i] + Vec3::Constant(0.5);
-    if (at.cwiseAbs().maxCoeff() > 1e8) continue;  // far outside; must not overflow
-    const int x = below(at.x()), y = below(at.y()), z = below(at.z());
-    const std::int64_t brick = labels.brick_index(x, y, z);
-    if (brick < 0) continue;
-    const int voxel = brick_offset(x & 7, y & 7, z & 7);
-    const std::uint8_t label = labels.brick(static_cast<std::size_t>(brick))[voxel];
-    if (label == 0 || cut.brick(static_cast<std::size_t>(brick))[voxel] > 0) continue;
-    contact_.add(samples_[i].element, label - 1, 1);
+    const Place& place = places_[i];
+    if (place.brick < 0 || cut.brick(static_cast<std::size_t>(place.brick))[place.voxel] > 0)
+      continue;
+    contact_.add(samples_[i].element, place.tissue, 1);
   }
 }
 
@@ -164,39 +202,21 @@ double VoxelEngine::way(const Pose& from, const Pose& to) const noexcept {
 }
 
 void VoxelEngine::remove_at(const Pose& pose) noexcept {
-  const LabelGrid& labels = workpiece_.tooth().tissue;
   LevelSet& cut = workpiece_.cut();
   const auto half = static_cast<float>(0.5 * workpiece_.voxel());
   const double volume = std::pow(workpiece_.voxel(), 3);
-  const Vec3 tip = workpiece_.lattice().to_index(pose.position);
-  const Vec3 end = tip + pose.orientation * Vec3(0, 0, bur_.head_length() / workpiece_.voxel());
-  const Mat3 to_bur = pose.orientation.toRotationMatrix().transpose() * workpiece_.voxel();
-  const Index3 first = cut.first_brick() * kBrickEdge;
-  const Index3 last = first + cut.brick_counts() * kBrickEdge - Index3::Ones();
-  const double grow = bur_.max_radius() / workpiece_.voxel();
-  Index3 low, high;
-  for (int a = 0; a < 3; ++a) {
-    low[a] = static_cast<int>(std::clamp(std::ceil(std::min(tip[a], end[a]) - grow),
-                                         double(first[a]), double(last[a]) + 1));
-    high[a] = static_cast<int>(std::clamp(std::floor(std::max(tip[a], end[a]) + grow),
-                                          double(first[a]) - 1, double(last[a])));
-  }
-  const double deep = -workpiece_.voxel() * (1 + kDepthRounding);
-  for (int x = low.x(); x <= high.x(); ++x)
-    for (int y = low.y(); y <= high.y(); ++y)
-      for (int z = low.z(); z <= high.z(); ++z) {
-        const std::uint8_t label = labels.value(x, y, z);
-        if (label == 0 || cut.value(x, y, z) > 0) continue;
-        if (distance_at(bur_, to_bur * (Vec3(x, y, z) - tip)) >= deep) continue;
-        const auto brick = static_cast<std::size_t>(cut.brick_index(x, y, z));
-        float* values = cut.writable_brick(brick, false);
-        if (!values) continue;  // cannot happen: every brick with tissue has a place reserved
-        values[brick_offset(x & 7, y & 7, z & 7)] = half;
-        workpiece_.changed().mark(brick);
-        removed_[label - 1] += volume;
-        if (WorkpieceBodies* bodies = workpiece_.bodies())
-          bodies->count_removed(Index3(x, y, z), volume);
-      }
+  const double depth = workpiece_.voxel() * (1 + kDepthRounding);
+  for_deep_voxels(bur_, workpiece_, pose, depth,
+                  [&](std::size_t brick, int voxel, const Index3& place, std::uint8_t label) {
+                    float* values = cut.writable_brick(brick, false);
+                    if (!values)
+                      return;  // cannot happen: every brick with tissue has a place reserved
+                    values[voxel] = half;
+                    workpiece_.changed().mark(brick);
+                    removed_[label - 1] += volume;
+                    if (WorkpieceBodies* bodies = workpiece_.bodies())
+                      bodies->count_removed(place, volume);
+                  });
 }
 
 void VoxelEngine::sweep(const Pose& to) noexcept {

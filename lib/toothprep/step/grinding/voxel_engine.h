@@ -26,6 +26,7 @@
 // Carving visits all voxels under the head at once, every voxel of way: milliseconds at 0.025 mm.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -56,7 +57,16 @@ class VoxelEngine final : public GrindingEngine {
     Vec3 surface_point;  // mm, B
     ContactSet::Element element;
   };
+  // Of the tooth's voxels the one in which a boundary voxel's point lies.
+  struct Place {
+    double until = 0;         // `way_` up to which the point stays in it
+    std::int32_t brick = -1;  // table index; -1: no tissue there
+    std::int16_t voxel = 0;   // in the brick
+    std::int16_t tissue = 0;  // its index
+  };
   void share_surface_out(const Bur& bur, bool clockwise);
+  void follow(const Pose& pose) noexcept;
+  void find_place(std::size_t sample) noexcept;
   double way(const Pose& from, const Pose& to) const noexcept;
   void sweep(const Pose& to) noexcept;
   void remove_at(const Pose& pose) noexcept;
@@ -67,7 +77,11 @@ class VoxelEngine final : public GrindingEngine {
   double arm_;  // mm, the longest of the head
   std::vector<BoundarySample> samples_;
   std::vector<Vec3> turned_;      // their points, turned as `rotation_`, voxels
+  std::vector<Place> places_;     // theirs
   Mat3 rotation_ = Mat3::Zero();  // of the last sample(), per voxel
+  Vec3 tip_ = Vec3::Zero();       // at the last sample(), voxels
+  double way_ = 0;                // of the tip, voxels: a bound of what it moved along each axis
+  std::array<bool, 3> moves_{};   // the axes along which it moved since it last turned
   ContactSet contact_;
   Pose last_;  // where tissue was last removed
   bool paused_ = false;

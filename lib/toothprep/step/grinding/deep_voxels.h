@@ -1,0 +1,54 @@
+// The tissue that lies deep in a bur's head, of what isn't cut yet.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/bur/bur.h"
+#include "toothprep/step/core/geometry.h"
+#include "toothprep/step/grinding/workpiece.h"
+
+namespace toothprep {
+
+// Calls found(brick, voxel in it, place, label) for every voxel of tissue that isn't cut and whose
+// centre lies more than `depth` (mm, not negative) beneath the surface of the head at `pose`.
+template <class Found>
+void for_deep_voxels(const Bur& bur, const Workpiece& workpiece, const Pose& pose, double depth,
+                     const Found& found) {
+  const LabelGrid& labels = workpiece.tooth().tissue;
+  const LevelSet& cut = workpiece.cut();  // over the same bricks
+  const double voxel = workpiece.voxel();
+  const Vec3 tip = workpiece.lattice().to_index(pose.position);
+  const Vec3 end = tip + pose.orientation * Vec3(0, 0, bur.head_length() / voxel);
+  const Mat3 to_bur = pose.orientation.toRotationMatrix().transpose() * voxel;
+  const Index3 first = cut.first_brick() * kBrickEdge;
+  const Index3 last = first + cut.brick_counts() * kBrickEdge - Index3::Ones();
+  const double grow = bur.max_radius() / voxel;
+  Index3 low, high;
+  for (int a = 0; a < 3; ++a) {
+    low[a] = static_cast<int>(std::clamp(std::ceil(std::min(tip[a], end[a]) - grow),
+                                         double(first[a]), double(last[a]) + 1));
+    high[a] = static_cast<int>(std::clamp(std::floor(std::max(tip[a], end[a]) + grow),
+                                          double(first[a]) - 1, double(last[a])));
+  }
+  // What is deep is no farther from the axis, and no nearer to the tip; and more than rounding.
+  const double widest = bur.max_radius() - depth + 1e-9, lowest = depth - 1e-9;
+  for (int x = low.x(); x <= high.x(); ++x)
+    for (int y = low.y(); y <= high.y(); ++y)
+      for (int z = low.z(); z <= high.z(); ++z) {
+        const auto brick = static_cast<std::size_t>(cut.brick_index(x, y, z));
+        if (labels.is_uniform(brick) && labels.uniform_value(brick) == 0) {
+          z |= kBrickEdge - 1;  // on to the next
+          continue;
+        }
+        const int at = brick_offset(x & 7, y & 7, z & 7);
+        const std::uint8_t label = labels.brick(brick)[at];
+        if (label == 0 || cut.brick(brick)[at] > 0) continue;
+        const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
+        if (b.z() < lowest || b.head<2>().squaredNorm() > widest * widest) continue;
+        if (bur.distance(std::hypot(b.x(), b.y()), b.z()) < -depth)
+          found(brick, at, Index3(x, y, z), label);
+      }
+}
+
+}  // namespace toothprep
