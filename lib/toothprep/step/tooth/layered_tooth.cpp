@@ -164,11 +164,13 @@ Box bounds_of_solid(const LayeredTooth& tooth) {
   // the axes.
   Box box{Vec3::Constant(std::numeric_limits<double>::max()),
           Vec3::Constant(std::numeric_limits<double>::lowest())};
-  const auto include = [&](const Index3& voxel, float phi) {
-    if (phi >= 0) return;
-    const Vec3 centre = tooth.lattice.to_world(voxel), reach = Vec3::Constant(-phi);
-    box.min = box.min.cwiseMin(centre - reach);
-    box.max = box.max.cwiseMax(centre + reach);
+  const auto include = [&](const Index3& voxel, const Eigen::Vector3f& phi) {
+    const Vec3 centre = tooth.lattice.to_world(voxel), reach = -phi.cast<double>();
+    for (int axis = 0; axis < 3; ++axis) {
+      if (phi[axis] >= 0) continue;
+      box.min[axis] = std::min(box.min[axis], centre[axis] - reach[axis]);
+      box.max[axis] = std::max(box.max[axis], centre[axis] + reach[axis]);
+    }
   };
   const Vec3 band = Vec3::Constant(tooth.band());
   for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
@@ -179,13 +181,20 @@ Box bounds_of_solid(const LayeredTooth& tooth) {
         ((tooth.lattice.to_world(last) + band).array() < box.max.array()).all())
       continue;  // well within what was found so far
     if (tooth.solid.is_uniform(b)) {
-      include(first, tooth.solid.uniform_value(b));
-      include(last, tooth.solid.uniform_value(b));
+      const Eigen::Vector3f phi = Eigen::Vector3f::Constant(tooth.solid.uniform_value(b));
+      include(first, phi);
+      include(last, phi);
       continue;
     }
-    const float* phi = tooth.solid.brick(b);
-    for (int v = 0; v < kBrickVoxels; ++v)
-      include(first + Index3(v >> 6, (v >> 3) & 7, v & 7), phi[v]);
+    // Of each layer across an axis, the deepest voxel reaches farthest along it.
+    const Eigen::Map<const Eigen::Matrix<float, kBrickEdge, kBrickEdge * kBrickEdge>> by_z(
+        tooth.solid.brick(b));
+    const Eigen::Matrix<float, 1, kBrickEdge* kBrickEdge> columns = by_z.colwise().minCoeff();
+    const Eigen::Map<const Eigen::Matrix<float, kBrickEdge, kBrickEdge>> by_y(columns.data());
+    const Eigen::Matrix<float, kBrickEdge, 1> z = by_z.rowwise().minCoeff(),
+                                              y = by_y.rowwise().minCoeff(),
+                                              x = by_y.colwise().minCoeff();
+    for (int i = 0; i < kBrickEdge; ++i) include(first + Index3::Constant(i), {x[i], y[i], z[i]});
   }
   return box.min.x() <= box.max.x() ? box : Box{};
 }
