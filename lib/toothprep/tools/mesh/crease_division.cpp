@@ -122,9 +122,9 @@ void CreaseDivision::find_cells() {
     if (!fields_.may_pass(first)) return;
     const BrickSamples samples(fields_, first);
     for (int v = 0; v < kBrickVoxels; ++v) {
-      const Index3 in(v >> 6, v >> 3 & 7, v & 7), cell = first + in;
-      const CellKind kind = kind_of(samples.cell(in));
+      const CellKind kind = samples.kind(v);
       if (kind != CellKind::kCut && kind != CellKind::kMargin) continue;
+      const Index3 cell = first + Index3(v >> 6, v >> 3 & 7, v & 7);
       CreaseFinder finder(tooth_.parts->cut, tooth_.lattice.voxel, cell);
       if (!finder.has_faces()) continue;
       std::optional<CreaseFace> face;

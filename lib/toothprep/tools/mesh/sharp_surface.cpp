@@ -75,10 +75,23 @@ struct Piece {
   std::vector<std::array<std::uint64_t, 3>> triangles;
   std::vector<bool> on_cut;  // per triangle: of g
   std::vector<std::array<std::uint64_t, 2>> margin;
+  std::vector<std::uint64_t> names;    // of the triangles' vertices, ascending
+  std::vector<std::uint32_t> numbers;  // of these in the mesh
+  std::size_t first_triangle = 0;      // in the mesh
 
   void add(const std::array<std::uint64_t, 3>& triangle, int field) {
     triangles.push_back(triangle);
     on_cut.push_back(field == 1);
+  }
+  void collect_names() {
+    names.reserve(3 * triangles.size());
+    for (const auto& t : triangles) names.insert(names.end(), t.begin(), t.end());
+    std::sort(names.begin(), names.end());
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+  }
+  std::uint32_t number(std::uint64_t name) const {
+    return numbers[static_cast<std::size_t>(std::lower_bound(names.begin(), names.end(), name) -
+                                            names.begin())];
   }
 };
 
@@ -236,10 +249,10 @@ Piece piece_of(const BrickSamples& samples, const Fields& fields, const Names& n
                const Index3& first) {
   Piece piece;
   for (int v = 0; v < kBrickVoxels; ++v) {
+    const CellKind kind = samples.kind(v);
+    if (kind == CellKind::kEmpty) continue;
     const Index3 at(v >> 6, v >> 3 & 7, v & 7);
     const CellValues corner = samples.cell(at);
-    const CellKind kind = kind_of(corner);
-    if (kind == CellKind::kEmpty) continue;
     if (kind == CellKind::kMargin) {
       add_tetrahedra(first + at, corner, names, piece);
       continue;
@@ -333,45 +346,51 @@ SharpSurface extract_sharp_surface(const LayeredTooth& tooth) {
   std::vector<Piece> pieces(fields.bricks());
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t b) {
     const Index3 first = fields.brick_origin(b);
-    if (fields.may_pass(first))
-      pieces[b] = piece_of(BrickSamples(fields, first), fields, names, first);
+    if (!fields.may_pass(first)) return;
+    pieces[b] = piece_of(BrickSamples(fields, first), fields, names, first);
+    pieces[b].collect_names();
   });
 
-  std::vector<std::array<std::uint64_t, 3>> triangles;
-  std::vector<std::array<std::uint64_t, 2>> margin;
+  std::size_t triangles = 0;
   std::vector<bool> on_cut;
-  for (const Piece& piece : pieces) {
-    triangles.insert(triangles.end(), piece.triangles.begin(), piece.triangles.end());
-    margin.insert(margin.end(), piece.margin.begin(), piece.margin.end());
-    on_cut.insert(on_cut.end(), piece.on_cut.begin(), piece.on_cut.end());
-  }
-  if (triangles.size() > std::numeric_limits<std::int32_t>::max() / 3)
-    throw Error("the surface has " + std::to_string(triangles.size()) +
-                " triangles, more than a mesh file can number; use a larger voxel size");
   std::vector<std::uint64_t> used;
-  used.reserve(3 * triangles.size());
-  for (const auto& t : triangles) used.insert(used.end(), t.begin(), t.end());
+  for (Piece& piece : pieces) {
+    piece.first_triangle = triangles;
+    triangles += piece.triangles.size();
+    on_cut.insert(on_cut.end(), piece.on_cut.begin(), piece.on_cut.end());
+    used.insert(used.end(), piece.names.begin(), piece.names.end());
+  }
+  if (triangles > std::numeric_limits<std::int32_t>::max() / 3)
+    throw Error("the surface has " + std::to_string(triangles) +
+                " triangles, more than a mesh file can number; use a larger voxel size");
   tbb::parallel_sort(used.begin(), used.end());
   used.erase(std::unique(used.begin(), used.end()), used.end());
-  const auto number = [&](std::uint64_t name) {
-    return static_cast<std::uint32_t>(std::lower_bound(used.begin(), used.end(), name) -
-                                      used.begin());
-  };
 
   SharpSurface surface;
   TriangleMesh& mesh = surface.mesh;
   mesh.vertices.resize(used.size());
   mesh.tissue.resize(used.size());
-  mesh.triangles.resize(triangles.size());
+  mesh.triangles.resize(triangles);
   tbb::parallel_for(std::size_t{0}, used.size(), [&](std::size_t v) {
     const Vertex vertex = vertex_of(tooth, fields, names, used[v]);
     mesh.vertices[v] = (tooth.lattice.origin + tooth.lattice.voxel * vertex.at).cast<float>();
     mesh.tissue[v] = vertex.tissue;
   });
-  tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t t) {
-    for (int k = 0; k < 3; ++k) mesh.triangles[t][k] = number(triangles[t][k]);
+  tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t b) {
+    Piece& piece = pieces[b];
+    auto at = used.begin();
+    for (const std::uint64_t name : piece.names) {
+      at = std::lower_bound(at, used.end(), name);
+      piece.numbers.push_back(static_cast<std::uint32_t>(at - used.begin()));
+    }
+    for (std::size_t t = 0; t < piece.triangles.size(); ++t)
+      for (int k = 0; k < 3; ++k)
+        mesh.triangles[piece.first_triangle + t][k] = piece.number(piece.triangles[t][k]);
   });
-  for (const auto& edge : margin) surface.margin.push_back({number(edge[0]), number(edge[1])});
+  for (const Piece& piece : pieces)
+    for (const auto& edge : piece.margin)
+      surface.margin.push_back({piece.number(edge[0]), piece.number(edge[1])});
+  pieces = {};
   divide_at_creases(surface, tooth, fields, std::move(on_cut),
                     [&](std::uint32_t v) { return way_of(names, used[v]); });
   return surface;

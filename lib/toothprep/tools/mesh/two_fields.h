@@ -63,16 +63,20 @@ class Fields {
         cut_(tooth.parts->cut),
         least_(kLeastVoxels * static_cast<float>(tooth.lattice.voxel)) {}
   std::array<float, 2> at(const Index3& i) const {
-    const float f = kept_away(intact_.value(i.x(), i.y(), i.z()));
-    const float g = -cut_.value(i.x(), i.y(), i.z());
-    return {f, kept_away(std::abs(g - f) < least_   ? f - least_
-                         : std::abs(g + f) < least_ ? least_ - f
-                                                    : g)};
+    return both(intact_.value(i.x(), i.y(), i.z()), cut_.value(i.x(), i.y(), i.z()));
   }
   CellKind kind(const Index3& cell) const {
     CellValues corner;
     for (int c = 0; c < 8; ++c) corner[c] = at(cell + corner_offset(c));
     return kind_of(corner);
+  }
+  // Of the brick that holds a voxel: value(offset in the brick) gives both fields there.
+  auto brick_at(const Index3& voxel) const {
+    const float *intact = values(intact_, voxel), *cut = values(cut_, voxel);
+    return [this, intact, cut](int offset) {
+      return both(intact ? intact[offset] : intact_.background(),
+                  cut ? cut[offset] : cut_.background());
+    };
   }
   // Of one field, in a cell's middle.
   float middle(const Index3& cell, int field) const {
@@ -115,6 +119,17 @@ class Fields {
   float kept_away(float v) const {
     return std::abs(v) < least_ ? std::copysign(least_, v < 0 ? -1.0F : 1.0F) : v;
   }
+  std::array<float, 2> both(float intact, float cut) const {
+    const float f = kept_away(intact), g = -cut;
+    return {f, kept_away(std::abs(g - f) < least_   ? f - least_
+                         : std::abs(g + f) < least_ ? least_ - f
+                                                    : g)};
+  }
+  // Of the brick that holds a voxel, or null outside the box.
+  static const float* values(const LevelSet& grid, const Index3& i) {
+    const std::int64_t b = grid.brick_index(i.x(), i.y(), i.z());
+    return b < 0 ? nullptr : grid.brick(static_cast<std::size_t>(b));
+  }
   static std::optional<float> uniform(const LevelSet& grid, const Index3& i) {
     const std::int64_t b = grid.brick_index(i.x(), i.y(), i.z());
     if (b < 0) return grid.background();
@@ -129,36 +144,76 @@ class Fields {
 class BrickSamples {
  public:
   BrickSamples(const Fields& fields, const Index3& first) : fields_(fields), first_(first) {
-    for (int x = 0; x < kSide; ++x)
-      for (int y = 0; y < kSide; ++y)
-        for (int z = 0; z < kSide; ++z)
-          samples_[offset(x, y, z)] = fields.at(first + Index3(x, y, z));
+    for (int n = 0; n < 8; ++n) {
+      const Index3 upper = corner_offset(n), low = kBrickEdge * upper,
+                   high = kBrickEdge * Index3::Ones() + upper;
+      const auto both = fields.brick_at(first + low);
+      for (int x = low.x(); x < high.x(); ++x)
+        for (int y = low.y(); y < high.y(); ++y)
+          for (int z = low.z(); z < high.z(); ++z)
+            samples_[offset(x, y, z)] = both(brick_offset(x & 7, y & 7, z & 7));
+    }
+    find_kinds();
   }
   CellValues cell(const Index3& at) const {
-    const bool within = at.minCoeff() >= 0 && at.maxCoeff() < kBrickEdge;
+    const bool inside = within(at);
     CellValues corner;
     for (int c = 0; c < 8; ++c) {
       const Index3 i = at + corner_offset(c);
-      corner[c] = within ? samples_[offset(i.x(), i.y(), i.z())] : fields_.at(first_ + i);
+      corner[c] = inside ? samples_[offset(i.x(), i.y(), i.z())] : fields_.at(first_ + i);
     }
     return corner;
   }
+  // Of a cell of the brick, by its offset.
+  CellKind kind(int cell) const { return kinds_[cell]; }
   // The faces of a cell, as bits, behind which a cell is divided into tetrahedra.
   unsigned divided_faces(const Index3& at) const {
     unsigned faces = 0;
     for (int axis = 0; axis < 3; ++axis)
-      for (int side = 0; side < 2; ++side)
-        if (kind_of(cell(at + (2 * side - 1) * Index3::Unit(axis))) == CellKind::kMargin)
+      for (int side = 0; side < 2; ++side) {
+        const Index3 beside = at + (2 * side - 1) * Index3::Unit(axis);
+        if ((within(beside) ? kinds_[brick_offset(beside.x(), beside.y(), beside.z())]
+                            : kind_of(cell(beside))) == CellKind::kMargin)
           faces |= 1U << (2 * axis + side);
+      }
     return faces;
   }
 
  private:
   static constexpr int kSide = kBrickEdge + 1;
   static int offset(int x, int y, int z) { return (x * kSide + y) * kSide + z; }
+  static bool within(const Index3& at) { return at.minCoeff() >= 0 && at.maxCoeff() < kBrickEdge; }
+  // As kind_of(), by the signs alone, a row of samples at a time.
+  void find_kinds() {
+    std::array<std::array<unsigned, 2>, kSide * kSide> negative{};  // bit z, of each field
+    for (int row = 0; row < kSide * kSide; ++row)
+      for (int z = 0; z < kSide; ++z)
+        for (int field = 0; field < 2; ++field)
+          negative[row][field] |= static_cast<unsigned>(samples_[row * kSide + z][field] < 0) << z;
+    for (int x = 0; x < kBrickEdge; ++x)
+      for (int y = 0; y < kBrickEdge; ++y) {
+        std::array<unsigned, 2> some{}, all{};
+        for (int field = 0; field < 2; ++field) {
+          const unsigned a = negative[x * kSide + y][field], b = negative[x * kSide + y + 1][field],
+                         c = negative[(x + 1) * kSide + y][field],
+                         d = negative[(x + 1) * kSide + y + 1][field];
+          const unsigned any_of_four = a | b | c | d, all_four = a & b & c & d;
+          some[field] = any_of_four | any_of_four >> 1;
+          all[field] = all_four & all_four >> 1;
+        }
+        const unsigned empty = ~(some[0] & some[1]) | (all[0] & all[1]);
+        for (int z = 0; z < kBrickEdge; ++z)
+          kinds_[brick_offset(x, y, z)] = (empty >> z & 1) != 0    ? CellKind::kEmpty
+                                          : (all[1] >> z & 1) != 0 ? CellKind::kIntact
+                                          : (all[0] >> z & 1) != 0 ? CellKind::kCut
+                                                                   : CellKind::kMargin;
+      }
+  }
+
   const Fields& fields_;
   Index3 first_;
   std::array<std::array<float, 2>, kSide * kSide * kSide> samples_;
+  std::array<CellKind, kBrickVoxels> kinds_;
 };
 
 }  // namespace toothprep
