@@ -28,14 +28,17 @@ class ExactCavities(unittest.TestCase):
             self.assertGreaterEqual(int(figures), 90)
             self.assertGreaterEqual(int(within), 0.95 * int(figures), f"{source}, {pose}: {farthest}")
 
-    def test_a_bevel_of_labels_has_its_margin_all_around(self):
+    def test_crowns_of_labels_and_scans_have_every_figure_within_its_uncertainty(self):
+        """Also the margin of a bevel all around, and sharp edges at walls that labels put in steps."""
         with tempfile.TemporaryDirectory() as folder:
-            done = self.run_script("-o", folder, "--toothprep", BINARY, "--voxels-mm", "0.1", "--routes", "labels",
-                                   "--cavities", "bevel")
+            done = self.run_script("-o", folder, "--toothprep", BINARY, "--voxels-mm", "0.1", "--routes", "labels,scans",
+                                   "--cavities", "stump,bevel")
             self.assertEqual(done.returncode, 0, done.stderr)
-        for row in done.stdout.splitlines()[2:]:
-            _, _, pose, figures, within, *_ = [cell.strip() for cell in row.split("|")[1:-1]]
-            self.assertEqual(within, figures, f"{pose}: {done.stderr}")
+        rows = done.stdout.splitlines()[2:]
+        self.assertEqual(len(rows), 4)
+        for row in rows:
+            source, _, pose, figures, within, *_ = [cell.strip() for cell in row.split("|")[1:-1]]
+            self.assertEqual(within, figures, f"{source}, {pose}: {done.stderr}")
 
     def test_what_is_missing_is_said(self):
         for arguments, words in ((["--toothprep", "nowhere"], "no such program"),

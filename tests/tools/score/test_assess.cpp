@@ -13,6 +13,7 @@
 #include "teeth_in_files.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/compare/cut_surface.h"
+#include "toothprep/tools/mesh/sharp_surface.h"
 #include "toothprep/tools/score/definitions.h"
 
 namespace toothprep {
@@ -244,7 +245,7 @@ TEST_F(Assess, MeshesGiveTheFiguresOfTheVoxelsThatTheyCameFrom) {
     options.preparation.buccal = turn * -Vec3::UnitZ();
     const Assessment voxels = assess(options);
     const TriangleMesh before = extract_surface(specimen.original, SurfaceOf::kAll),
-                       after = extract_surface(specimen.prepared, SurfaceOf::kAll);
+                       after = sharpest_surface(specimen.prepared);
     options.prepared = put("prepared.stl", after);
     if (c.type == PreparationType::kClass1) {
       const Assessment mixed = assess(options);

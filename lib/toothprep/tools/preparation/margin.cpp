@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "toothprep/step/core/units.h"
@@ -50,6 +51,7 @@ double roughness_of(const std::vector<LinePoint>& line, const Vec2& centre) {
 }
 
 constexpr int kSteps = 72;
+constexpr double kSameWall = 0.9;  // cosine between normals of one wall, 26°
 
 // Middle thirds of walls in plan.
 struct PlanPoint {
@@ -57,37 +59,48 @@ struct PlanPoint {
   std::uint32_t facet;
 };
 
-// The mean wall of the dozen facets nearest to a point of the finish line, and the margin from there.
-// Walls that face within 15° of across the way from the middle are sides of what wasn't cut.
+constexpr double kWallReach = 0.25;  // mm along the finish line, to either side
+
+// The wall beside a point of the finish line, and the margin from there: the plane fitted to the
+// facets of middle thirds that stand beside it and face as the nearest does. Walls that face within
+// 15° of across the way from the middle are sides of what wasn't cut.
 MarginStation station_at(const Vec3& x, const Vec2& flat, const Vec2& centre,
                          const std::vector<PlanPoint>& middle, const CutFacets& facets,
                          const PreparationFrame& frame, double tolerance) {
-  constexpr std::size_t kNearest = 12;
   const Vec2 way = (flat - centre).normalized();
   const Vec3 out = way.x() * frame.u + way.y() * frame.v;
-  std::vector<std::pair<double, std::uint32_t>> near;
-  near.reserve(middle.size());
-  for (const PlanPoint& p : middle)
-    if (facets[p.facet].normal.dot(out) > 0.26)
-      near.push_back({(p.at - flat).squaredNorm(), p.facet});
-  const std::size_t count = std::min(kNearest, near.size());
-  if (count == 0) return {x, out, out, 0};
-  std::nth_element(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count - 1), near.end());
-  std::sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count));
-  Vec3 normal = Vec3::Zero(), on = Vec3::Zero();
-  double area = 0;
-  for (std::size_t k = 0; k < count; ++k) {
-    const Facet& f = facets[near[k].second];
-    normal += f.area * f.normal;
-    on += f.area * f.centroid;
-    area += f.area;
+  double least = std::numeric_limits<double>::infinity();
+  const Facet* nearest = nullptr;
+  for (const PlanPoint& p : middle) {
+    const double distance = (p.at - flat).squaredNorm();
+    if (distance < least && facets[p.facet].normal.dot(out) > 0.26) {
+      least = distance;
+      nearest = &facets[p.facet];
+    }
   }
-  normal.normalize();
-  on /= area;
+  if (nearest == nullptr) return {x, out, out, 0};
+  const Vec3 along = frame.d.cross(nearest->normal).normalized(), across = along.cross(frame.d);
+  // How far out the wall is, by height and by place along it; where facets are too few for that, by
+  // the nearest's own slope.
+  constexpr double kFew = 1e-5;  // mm⁴
+  Vec3 sides = Vec3(nearest->normal.dot(frame.d), nearest->normal.dot(along), 0) /
+               -nearest->normal.dot(across);
+  Eigen::Matrix3d normal = Eigen::Vector3d(kFew, kFew, 0).asDiagonal();
+  Vec3 right = kFew * sides;
+  for (const PlanPoint& p : middle) {
+    const Facet& f = facets[p.facet];
+    if (f.normal.dot(nearest->normal) < kSameWall) continue;
+    const Vec3 r = f.centroid - x;
+    const Vec3 terms(r.dot(frame.d), r.dot(along), 1);
+    if (std::abs(terms[1]) > kWallReach && &f != nearest) continue;
+    normal += f.area * terms * terms.transpose();
+    right += f.area * r.dot(across) * terms;
+  }
+  sides = normal.ldlt().solve(right);
   MarginStation station;
-  station.across = (normal - normal.dot(frame.d) * frame.d).normalized();
-  station.wall_normal = normal;
-  station.width = (x - on).dot(normal) / normal.dot(station.across) + tolerance;
+  station.wall_normal = (across - sides[0] * frame.d - sides[1] * along).normalized();
+  station.across = (across - sides[1] * along).normalized();
+  station.width = tolerance - sides[2] * across.dot(station.across);
   station.at = x + tolerance * station.across;
   return station;
 }

@@ -33,10 +33,10 @@ constexpr double kLeastGap = 0.2;          // mm
 constexpr double kFinishLineReach = 0.75;  // mm
 
 // At each point of the finish line the horizontal distance to the axial wall, extended down to that
-// point's height: so a shoulder, a chamfer and a bevel are measured alike. The wall is the mean of
-// the dozen facets of middle thirds nearest to the point. The circumference is taken in steps of
-// 5° about the middle of the walls; a step without finish line counts as without margin. What lies
-// less than `tolerance` (mm) inside the original doesn't count as cut, so that strip is added.
+// point's height: so a shoulder, a chamfer and a bevel are measured alike. The wall is the plane
+// fitted to middle thirds within 0.25 mm along the finish line. The circumference is taken in steps
+// of 5° about the middle of the walls; a step without finish line counts as without margin. What
+// lies less than `tolerance` (mm) inside the original doesn't count as cut, so that strip is added.
 //
 // Roughness: RMS distance of `finish_line` (that of the facets, or a sharper one) from the quadratic
 // curve fitted to what lies within kFinishLineReach of each of its points, along the axis and

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "toothprep/step/core/units.h"
 #include "toothprep/tools/preparation/corner_fit.h"
@@ -11,6 +12,8 @@ namespace {
 
 constexpr double kDegree = units::from_degree(1);
 constexpr double kAbove = 50;  // mm, well out of the tooth
+// Of the wall that is looked at beside a corner, the part away from it, that is in no arc.
+constexpr double kBesideArc = 0.25;
 
 // An upright plane across a margin: x outwards from where the wall, extended down, stands at the
 // finish line's height; z up from there.
@@ -44,22 +47,52 @@ class ProfilePlane {
   double wall_angle_;
 };
 
+// Points of a corner's profile, the wall's apart, with the wall along x = 0 as far as it is straight.
+// Steps of labels and noise let it be elsewhere here than the middle of the wall says.
+class Profile {
+ public:
+  void add(const Vec2& p) { points_.push_back(p); }
+  // One of the wall, how far inside of the wall extended it lies, and whether it's away from the
+  // corner.
+  void add_wall(const Vec2& p, double within, bool away) {
+    add(p);
+    if (!away) return;
+    within_ += within;
+    ++away_;
+  }
+  // How far the wall lies inside, mm; nothing if it was not found. What is farther than a voxel is
+  // no error of the wall: the edge above a low one, or a wide arc.
+  std::optional<double> move_to_wall(double voxel) {
+    if (away_ == 0) return std::nullopt;
+    const double way = within_ / away_;
+    if (!(std::abs(way) < voxel)) return 0;
+    for (Vec2& p : points_) p.x() -= way;
+    return way;
+  }
+  const std::vector<Vec2>& points() const { return points_; }
+
+ private:
+  std::vector<Vec2> points_;
+  double within_ = 0;  // sum over the wall's points that are away
+  int away_ = 0;
+};
+
 // The cut along the profile from the wall to the finish line, but for the strip at its end that
 // voxels bevel.
-std::vector<Vec2> ledge_points(const ProfilePlane& plane, double width, const CutFacets& facets,
-                               const TriangleTree& tree, double voxel) {
+Profile ledge_profile(const ProfilePlane& plane, double width, const CutFacets& facets,
+                      const TriangleTree& tree, double voxel) {
   const double spacing = std::min(voxel / 2, width / 16), last = width - voxel;
   const double top = 1.5 * width + 0.2;
-  std::vector<Vec2> points;
+  Profile profile;
   Vec2 place;
   for (double x = spacing / 2; x < last; x += spacing)
     if (x > plane.wall_at(top) &&
         plane.meets(tree, facets, {x, top}, -plane.up(), 2 * top + width, place))
-      points.push_back(place);
+      profile.add(place);
   for (double z = spacing / 2; z < top; z += spacing)
     if (plane.meets(tree, facets, {width, z}, -plane.out(), 2 * width + top, place))
-      points.push_back(place);
-  return points;
+      profile.add_wall(place, place.x() - plane.wall_at(place.y()), z > (1 - kBesideArc) * top);
+  return profile;
 }
 
 MarginForm form_of(const CornerFit& fit, double voxel) {
@@ -78,8 +111,9 @@ MarginProfiles measure_profiles(const Margin& margin, const CutFacets& facets,
     MarginForm form = MarginForm::kFeatherEdge;
     if (station.width > kNoMargin) {
       const ProfilePlane plane(station, frame);
-      const CornerFit fit = fit_corner(ledge_points(plane, station.width, facets, prepared, voxel),
-                                       plane.wall_angle(), station.width);
+      Profile profile = ledge_profile(plane, station.width, facets, prepared, voxel);
+      const double wall = profile.move_to_wall(voxel).value_or(0);
+      const CornerFit fit = fit_corner(profile.points(), plane.wall_angle(), station.width - wall);
       form = form_of(fit, voxel);
       if (form != MarginForm::kIrregular) {
         result.radius.add(fit.radius, 1);
@@ -119,16 +153,18 @@ OuterEdge measure_outer_edge(const std::vector<MarginStation>& stations, const C
     if (!found || !(top > reach)) continue;
     // Turned by half, it is a corner like the ledge's: inwards is x, down is y.
     const double wall = plane.wall_at(top);
-    std::vector<Vec2> points;
-    const auto add = [&](const Vec2& p) { points.push_back({wall - p.x(), top - p.y()}); };
+    Profile profile;
+    const auto turned = [&](const Vec2& p) { return Vec2(wall - p.x(), top - p.y()); };
     for (double x = spacing / 2; x < reach; x += spacing)
       if (plane.meets(prepared, facets, {wall - x, kAbove}, -plane.up(), 2 * kAbove, place))
-        add(place);
+        profile.add(turned(place));
     for (double z = spacing / 2; z < reach; z += spacing)
       if (plane.meets(prepared, facets, {wall + reach / 2, top - z}, -plane.out(), 2 * reach,
                       place))
-        add(place);
-    const CornerFit fit = fit_corner(points, plane.wall_angle(), reach);
+        profile.add_wall(turned(place), plane.wall_at(place.y()) - place.x(),
+                         z > (1 - kBesideArc) * reach);
+    if (!profile.move_to_wall(voxel)) continue;
+    const CornerFit fit = fit_corner(profile.points(), plane.wall_angle(), reach);
     if (fit.misfit > std::max(voxel / 2, 0.05)) continue;
     edge.radius.add(fit.radius, 1);
     edge.angle.add(fit.angle / kDegree, 1);
