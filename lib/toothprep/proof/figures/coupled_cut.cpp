@@ -71,34 +71,6 @@ std::vector<double> amplitudes(const std::vector<double>& force, double h,
   return sizes;
 }
 
-std::vector<double> plunge(const CoupledCut& cut, Drive drive, double feed,
-                           const std::vector<double>& frequencies) {
-  const double h = cut.parameters.time_step;
-  const auto lead = static_cast<int>(std::lround(kLoopSettling / h));
-  const auto window = static_cast<int>(std::lround(kTransferWindow / h));
-  const double way = feed * (kLoopSettling + kTransferWindow) * (1 + kSwing);
-  const reference::SteadyLoad load = reference::flat_end_plunge(grinding_of(cut), cut.radius, feed);
-  const double ahead =
-      drive == Drive::kCoupled ? load.against / cut.parameters.coupling.stiffness : 0;
-  const double share = kSwing / static_cast<double>(frequencies.size());
-  const Bur bur = bur_of(cut);
-  const LayeredTooth tooth = block_around(cut, Vec3(0, 0, -way));
-  Workpiece workpiece(tooth);
-  HandleSample handle;
-  Session session(bur, workpiece, cut.parameters, drive, handle);
-  std::vector<double> force;
-  for (int n = 1; n <= lead + window; ++n) {
-    handle.time = n * h;
-    double z = -ahead - feed * handle.time;
-    for (const double f : frequencies)
-      z -= feed * share * std::sin(2 * units::kPi * f * handle.time) / (2 * units::kPi * f);
-    handle.pose.position.z() = z;
-    const StepRecord row = session.step(handle);
-    if (n > lead) force.push_back(row.device_force.z());
-  }
-  return amplitudes(force, h, frequencies);
-}
-
 }  // namespace
 
 reference::Grinding grinding_of(const CoupledCut& cut) {
@@ -129,12 +101,32 @@ SteadyFeed steady_feed(const CoupledCut& cut, double feed, double duration) {
   return r;
 }
 
-std::vector<double> plunge_transfer(const CoupledCut& cut, double feed,
-                                    const std::vector<double>& frequencies) {
-  const std::vector<double> direct = plunge(cut, Drive::kDirect, feed, frequencies);
-  std::vector<double> share = plunge(cut, Drive::kCoupled, feed, frequencies);
-  for (std::size_t i = 0; i < share.size(); ++i) share[i] /= direct[i];
-  return share;
+std::vector<double> plunge(const CoupledCut& cut, Drive drive, double feed,
+                           const std::vector<double>& frequencies) {
+  const double h = cut.parameters.time_step;
+  const auto lead = static_cast<int>(std::lround(kLoopSettling / h));
+  const auto window = static_cast<int>(std::lround(kTransferWindow / h));
+  const double way = feed * (kLoopSettling + kTransferWindow) * (1 + kSwing);
+  const reference::SteadyLoad load = reference::flat_end_plunge(grinding_of(cut), cut.radius, feed);
+  const double ahead =
+      drive == Drive::kCoupled ? load.against / cut.parameters.coupling.stiffness : 0;
+  const double share = kSwing / static_cast<double>(frequencies.size());
+  const Bur bur = bur_of(cut);
+  const LayeredTooth tooth = block_around(cut, Vec3(0, 0, -way));
+  Workpiece workpiece(tooth);
+  HandleSample handle;
+  Session session(bur, workpiece, cut.parameters, drive, handle);
+  std::vector<double> force;
+  for (int n = 1; n <= lead + window; ++n) {
+    handle.time = n * h;
+    double z = -ahead - feed * handle.time;
+    for (const double f : frequencies)
+      z -= feed * share * std::sin(2 * units::kPi * f * handle.time) / (2 * units::kPi * f);
+    handle.pose.position.z() = z;
+    const StepRecord row = session.step(handle);
+    if (n > lead) force.push_back(row.device_force.z());
+  }
+  return amplitudes(force, h, frequencies);
 }
 
 LayeredTooth loop_block(const CoupledCut& cut, double feed) {

@@ -31,9 +31,10 @@ struct SteadyFeed {
 SteadyFeed steady_feed(const CoupledCut& cut, double feed, double duration);
 
 // Plunged along its axis, feed (1 + sum of a cos 2 pi f t) with a = 0.8 over the number of
-// frequencies (whole Hz): amplitude of the coupled force at each over that of direct drive.
-std::vector<double> plunge_transfer(const CoupledCut& cut, double feed,
-                                    const std::vector<double>& frequencies);
+// frequencies (whole Hz): amplitude of the force at each, N. In direct drive that of the tissue,
+// whatever the coupling.
+std::vector<double> plunge(const CoupledCut& cut, Drive drive, double feed,
+                           const std::vector<double>& frequencies);
 
 // A closed loop on a simulated device and hand that feeds along -y, of 1.6 s, figures of the last
 // 1.1 s. In the first 0.1 s the hand goes ahead by what friction, force and coupling will take, so

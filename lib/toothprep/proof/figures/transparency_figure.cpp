@@ -317,14 +317,15 @@ void add_transfer(FigureReport& figure, const Setting& s, const std::string& eng
   const double b_max = t.devices.front().recommended_damping, feed = t.feeds.front();
   struct Row {
     double k, b;
-    std::vector<double> share;
+    std::vector<double> force;
   };
   std::vector<Row> rows;
   for (const double b : {0.0, b_max})
     for (const double k : t.stiffnesses) rows.push_back({k, b, {}});
+  const std::vector<double> direct = plunge(s.cut, Drive::kDirect, feed, t.frequencies);
   tbb::parallel_for(std::size_t{0}, rows.size(), [&](std::size_t i) {
-    rows[i].share =
-        plunge_transfer(s.with(Tissue::kDentin, rows[i].k, rows[i].b), feed, t.frequencies);
+    rows[i].force =
+        plunge(s.with(Tissue::kDentin, rows[i].k, rows[i].b), Drive::kCoupled, feed, t.frequencies);
   });
   MetricTable table;
   table.title =
@@ -343,9 +344,10 @@ void add_transfer(FigureReport& figure, const Setting& s, const std::string& eng
     for (std::size_t i = 0; i < t.frequencies.size(); ++i) {
       const double exact =
           std::abs(reference::rendered_share({s.mass(), r.k, r.b, s.step()}, B, t.frequencies[i]));
-      values.push_back(100 * r.share[i]);
+      const double share = r.force[i] / direct[i];
+      values.push_back(100 * share);
       values.push_back(100 * exact);
-      off = std::max(off, 100 * std::abs(r.share[i] / exact - 1));
+      off = std::max(off, 100 * std::abs(share / exact - 1));
     }
     const std::string title =
         "k = " + rounded(r.k) + " N/mm, b = " + rounded(kToPerMetre * r.b) + " N·s/m";
@@ -366,7 +368,9 @@ struct LoopCell {
   LoopCut cut;
 };
 
-std::vector<LoopCell> loop_cells(const Setting& s, const RenderingDevice& d) {
+// `enamel`, `dentin`: their loop_block().
+std::vector<LoopCell> loop_cells(const Setting& s, const RenderingDevice& d,
+                                 const LayeredTooth& enamel, const LayeredTooth& dentin) {
   const Transparency& t = s.asked;
   std::vector<double> dampings = {0};
   dampings.insert(dampings.end(), t.dampings.begin(), t.dampings.end());
@@ -379,14 +383,12 @@ std::vector<LoopCell> loop_cells(const Setting& s, const RenderingDevice& d) {
       cells.push_back({d.practical_stiffness, d.recommended_damping, tissue, Drive::kCoupled, {}});
     cells.push_back({0, 0, tissue, Drive::kDirect, {}});
   }
-  const double feed = t.feeds.front();
-  const LayeredTooth enamel = loop_block(s.with(Tissue::kEnamel, 1, 0), feed),
-                     dentin = loop_block(s.with(Tissue::kDentin, 1, 0), feed);
   tbb::parallel_for(std::size_t{0}, cells.size(), [&](std::size_t i) {
     LoopCell& c = cells[i];
     const bool direct = c.drive == Drive::kDirect;
     c.cut = loop_cut(s.with(c.tissue, direct ? d.practical_stiffness : c.k, c.b),
-                     c.tissue == Tissue::kEnamel ? enamel : dentin, c.drive, d.model, s.hand, feed);
+                     c.tissue == Tissue::kEnamel ? enamel : dentin, c.drive, d.model, s.hand,
+                     t.feeds.front());
   });
   return cells;
 }
@@ -504,6 +506,8 @@ FigureReport transparency_figure(const Experiment& experiment, FigureContext& co
   const Transparency& t = experiment.transparency;
   const Setting s{t, experiment.hand, cut_of(experiment, context.options())};
   const std::string engine = name_of(EngineKind::kLevelset);
+  const LayeredTooth enamel = loop_block(s.with(Tissue::kEnamel, 1, 0), t.feeds.front()),
+                     dentin = loop_block(s.with(Tissue::kDentin, 1, 0), t.feeds.front());
   FigureReport stiffness, cuts, figure;
   std::vector<std::vector<LoopCell>> cells(t.devices.size());
   std::vector<FigureContext::Job> jobs = {{experiment.name + ", stability",
@@ -518,7 +522,7 @@ FigureReport transparency_figure(const Experiment& experiment, FigureContext& co
                                            }}};
   for (std::size_t i = 0; i < t.devices.size(); ++i)
     jobs.push_back({experiment.name + ", " + t.devices[i].name,
-                    [&, i] { cells[i] = loop_cells(s, t.devices[i]); }});
+                    [&, i] { cells[i] = loop_cells(s, t.devices[i], enamel, dentin); }});
   context.run(jobs);
   for (FigureReport* part : {&stiffness, &cuts}) {
     figure.tables.insert(figure.tables.end(), part->tables.begin(), part->tables.end());
