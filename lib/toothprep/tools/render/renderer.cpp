@@ -54,18 +54,34 @@ struct Seen {
 // margin stays sharp; the mesh's where two surfaces stand too close for one.
 std::vector<Eigen::Vector3f> level_normals(const RenderPart& part) {
   const TriangleMesh& mesh = part.mesh;
-  std::vector<Eigen::Vector3f> normals(3 * mesh.triangles.size());
-  std::atomic<bool> all{true};
-  tbb::parallel_for(std::size_t{0}, mesh.triangles.size(), [&](std::size_t t) {
-    std::array<Vec3, 3> corner;
-    for (std::size_t c = 0; c < 3; ++c)
-      corner[c] = mesh.vertices[mesh.triangles[t][c]].cast<double>();
-    const Side side = side_at(*part.tooth, (corner[0] + corner[1] + corner[2]) / 3);
-    for (std::size_t c = 0; c < 3; ++c) {
-      normals[3 * t + c] = level_normal(*part.tooth, corner[c], side).cast<float>();
-      if (normals[3 * t + c].squaredNorm() == 0) all = false;
-    }
+  const std::size_t count = mesh.triangles.size();
+  std::vector<Side> sides(count);
+  tbb::parallel_for(std::size_t{0}, count, [&](std::size_t t) {
+    Vec3 sum = Vec3::Zero();
+    for (const std::uint32_t corner : mesh.triangles[t])
+      sum += mesh.vertices[corner].cast<double>();
+    sides[t] = side_at(*part.tooth, sum / 3);
   });
+  // A vertex has one on each side of which it has triangles: whether, and then which.
+  constexpr std::size_t kSides = 3;
+  const auto place = [](std::uint32_t vertex, Side side) {
+    return kSides * vertex + static_cast<std::size_t>(side);
+  };
+  std::vector<char> used(kSides * mesh.vertices.size(), 0);
+  for (std::size_t t = 0; t < count; ++t)
+    for (const std::uint32_t corner : mesh.triangles[t]) used[place(corner, sides[t])] = 1;
+  std::vector<Eigen::Vector3f> known(used.size());
+  std::atomic<bool> all{true};
+  tbb::parallel_for(std::size_t{0}, used.size(), [&](std::size_t i) {
+    if (!used[i]) return;
+    const Vec3 at = mesh.vertices[i / kSides].cast<double>();
+    known[i] = level_normal(*part.tooth, at, static_cast<Side>(i % kSides)).cast<float>();
+    if (known[i].squaredNorm() == 0) all = false;
+  });
+  std::vector<Eigen::Vector3f> normals(3 * count);
+  for (std::size_t t = 0; t < count; ++t)
+    for (std::size_t c = 0; c < 3; ++c)
+      normals[3 * t + c] = known[place(mesh.triangles[t][c], sides[t])];
   if (all) return normals;
   const std::vector<Eigen::Vector3f> of_mesh = corner_normals(mesh, part.smoothing);
   for (std::size_t i = 0; i < normals.size(); ++i)
