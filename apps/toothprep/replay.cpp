@@ -63,7 +63,7 @@ std::optional<double> peak_force_in_contact(const std::vector<StepRecord>& rows)
 
 Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, const Audit& audit,
                  const std::vector<Finding>& findings, const std::optional<double>& element_mm,
-                 const std::vector<std::string>& outcome) {
+                 const std::optional<double>& touching, const std::vector<std::string>& outcome) {
   Json j;
   j["schema"] = "toothprep-replay";
   j["toothprep_version"] = kVersion;
@@ -79,7 +79,6 @@ Json report_json(const ReplayResult& r, const Trace& trace, const Options& o, co
   if (element_mm) j["element_mm"] = *element_mm;
   j["bur"] = trace.bur;
   j["peak_force_n"] = r.totals.peak_device_force;
-  const std::optional<double> touching = peak_force_in_contact(trace.rows);
   j["peak_force_in_contact_n"] = touching ? Json(*touching) : Json(nullptr);
   j["largest_lag_mm"] = r.totals.largest_lag;
   j["stalled_steps"] = r.totals.stalled_steps;
@@ -129,7 +128,8 @@ Trajectory put_on_tooth(Trajectory path, PathFrame frame, const LayeredTooth& to
   return std::move(result.path);
 }
 
-void say_figures(const ReplayResult& r, const Trace& trace, const Common& common) {
+void say_figures(const ReplayResult& r, const Trace& trace, const std::optional<double>& touching,
+                 const Common& common) {
   const SessionTotals& t = r.totals;
   if (t.rejected_steps > 0)
     say(common, fmt::format("{} steps were not made: the device's readings were rejected there",
@@ -143,7 +143,6 @@ void say_figures(const ReplayResult& r, const Trace& trace, const Common& common
   say(common, fmt::format("removed: enamel {:.3f}, dentin {:.3f}, pulp {:.3f}, other {:.3f} mm^3",
                           t.removed[0], t.removed[1], t.removed[2], t.removed[3]));
   for (const std::string& line : body_lines(trace.bodies, t)) say(common, line);
-  const std::optional<double> touching = peak_force_in_contact(trace.rows);
   std::string where;
   if (!touching)
     where = " (the coupling's, in air)";
@@ -209,6 +208,7 @@ void run(const Options& o, const Common& common) {
   if (loaded) put_load(o.session, o.trajectory, trajectory);
   const std::vector<HandleSample> path =
       resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
+  trajectory.samples = std::vector<HandleSample>();  // gives the storage back
 
   // With a load, the path's later positions mean nothing.
   const double distance = distance_to_tooth(loaded ? std::vector<HandleSample>{path.front()} : path,
@@ -268,11 +268,12 @@ void run(const Options& o, const Common& common) {
       });
   std::optional<double> element_mm;
   if (parameters.engine == EngineKind::kLevelset) element_mm = element_size(bur, parameters);
+  const std::optional<double> touching = peak_force_in_contact(trace.rows);
   const Json report =
-      o.json ? report_json(r, trace, o, audit, findings, element_mm, outcome) : Json();
+      o.json ? report_json(r, trace, o, audit, findings, element_mm, touching, outcome) : Json();
   outputs.publish();
 
-  say_figures(r, trace, common);
+  say_figures(r, trace, touching, common);
   say(common, audit_text(audit));
   if (o.json) std::cout << json_text(report);
 }

@@ -124,10 +124,14 @@ ReplayResult replay(const Bur& bur, Workpiece& workpiece, const Parameters& para
                             ? result.totals.torque_work / result.removed_energy
                             : std::numeric_limits<double>::quiet_NaN();
   result.seconds_simulated = result.rows.back().handle.time - path.front().time;
-  std::sort(step_us.begin(), step_us.end());
-  result.step_us_p50 = step_us[step_us.size() / 2];
-  result.step_us_p99 = step_us[step_us.size() * 99 / 100];
-  result.step_us_max = step_us.back();
+  const auto quantile = [&](std::size_t rank) {
+    const auto at = step_us.begin() + static_cast<std::ptrdiff_t>(rank);
+    std::nth_element(step_us.begin(), at, step_us.end());
+    return *at;
+  };
+  result.step_us_p50 = quantile(step_us.size() / 2);
+  result.step_us_p99 = quantile(step_us.size() * 99 / 100);
+  result.step_us_max = quantile(step_us.size() - 1);
   return result;
 }
 
