@@ -175,6 +175,18 @@ void report_run_off(const ReplayResult& r, const Options& o) {
                  o.strict);
 }
 
+// `path`: with a load its first place, since later ones mean nothing.
+void check_near(const Options& o, const std::vector<HandleSample>& path,
+                const LayeredTooth& tooth) {
+  const double distance = distance_to_tooth(path, bounds_of_solid(tooth));
+  if (distance <= kFarFromTooth) return;
+  const std::string text =
+      o.trajectory +
+      fmt::format(": the path never comes within 5 mm of the tooth (nearest {:.1f} mm)", distance);
+  if (o.strict) throw Error(text + "; check the frames of both files");
+  warn(text);
+}
+
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory, o.placing.from,
@@ -210,17 +222,7 @@ void run(const Options& o, const Common& common) {
       resample(trajectory, parameters.time_step, o.allow_gaps, o.trajectory);
   trajectory.samples = std::vector<HandleSample>();  // gives the storage back
 
-  // With a load, the path's later positions mean nothing.
-  const double distance = distance_to_tooth(loaded ? std::vector<HandleSample>{path.front()} : path,
-                                            bounds_of_solid(tooth));
-  if (distance > kFarFromTooth) {
-    const std::string text =
-        o.trajectory +
-        fmt::format(": the path never comes within 5 mm of the tooth (nearest {:.1f} mm)",
-                    distance);
-    if (o.strict) throw Error(text + "; check the frames of both files");
-    warn(text);
-  }
+  check_near(o, loaded ? std::vector<HandleSample>{path.front()} : path, tooth);
 
   Trace trace;
   trace.parameters_toml = to_toml(parameters);
