@@ -630,7 +630,8 @@ struct Renderer::Pass {
       Rays rays(*this);
       for (int s = first; s < last; ++s) {
         const auto i = static_cast<std::size_t>(s - first);
-        origin[i] = camera.place(x + (s % n + 0.5) / n, y + (s / n + 0.5) / n);
+        const int across = s % n, down = s / n;
+        origin[i] = camera.place(x + (across + 0.5) / n, y + (down + 0.5) / n);
         met[i] = look(origin[i], false, seen[i]);
         if (!met[i]) continue;
         add_sky(seen[i], s, total, sample_rays, turned, 2 * i, rays);
