@@ -169,11 +169,11 @@ void VoxelEngine::find_place(std::size_t sample) noexcept {
   place = {};
   if (!(at.cwiseAbs().maxCoeff() <= 1e8)) return;  // far outside; must not overflow
   const Index3 v(below(at.x()), below(at.y()), below(at.z()));
-  double room = 1;  // until it leaves the voxel along an axis on which the tip moves
+  double to_face = 1;  // of its voxel, along the axes on which the tip moves
   for (int a = 0; a < 3; ++a)
     if (moves_[static_cast<std::size_t>(a)])
-      room = std::min({room, at[a] - v[a], v[a] + 1 - at[a]});
-  place.until = way_ + room - kWayRounding;
+      to_face = std::min({to_face, at[a] - v[a], v[a] + 1 - at[a]});
+  place.until = way_ + to_face - kWayRounding;
   const std::int64_t brick = labels.brick_index(v.x(), v.y(), v.z());
   if (brick < 0) return;
   const int voxel = brick_offset(v.x() & 7, v.y() & 7, v.z() & 7);
