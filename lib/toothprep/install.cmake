@@ -102,5 +102,5 @@ configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/toothprep-config.cmake.i
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/generated/toothprep-config-version.cmake
   COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/generated/toothprep-config.cmake
-  ${PROJECT_BINARY_DIR}/generated/toothprep-config-version.cmake
+  ${PROJECT_BINARY_DIR}/generated/toothprep-config-version.cmake ${CMAKE_CURRENT_LIST_DIR}/Findlibdeflate.cmake
   DESTINATION ${TOOTHPREP_PACKAGE_FOLDER} COMPONENT development)

@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -95,6 +96,14 @@ TEST_F(TraceFile, TheSameTraceGivesTheSameBytesAlsoAfterBeingRead) {
   EXPECT_EQ(first, bytes_of(other_));
   write_trace(read_trace(path_), other_);  // also the power
   EXPECT_EQ(first, bytes_of(other_));
+}
+
+TEST_F(TraceFile, TheBytesAreTheSameWhateverTheNumberOfThreads) {
+  const Trace trace = synthetic_trace(100'000);  // thirteen chunks of the widest columns
+  write_trace(trace, path_);
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  write_trace(trace, other_);
+  EXPECT_EQ(bytes_of(path_), bytes_of(other_));
 }
 
 TEST_F(TraceFile, OneRowAndARatioOfNothingAreATrace) {

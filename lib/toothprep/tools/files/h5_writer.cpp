@@ -12,6 +12,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/h5_checksums.h"
+#include "toothprep/tools/files/h5_packing.h"
 #include "toothprep/tools/io/write_file.h"
 
 namespace toothprep::h5 {
@@ -19,7 +20,7 @@ namespace {
 
 // Chunks of about this many bytes: a viewer reads one quickly, and gzip has enough to work on.
 constexpr std::size_t kChunkBytes = 256 * 1024;
-constexpr unsigned kGzipLevel = 1;
+constexpr unsigned kGzipLevel = 1;  // as the filter is declared; packed_chunks() packs
 
 hid_t type_of(Storage storage) {
   switch (storage) {
@@ -177,8 +178,14 @@ void Writer::dataset(const char* name, const char* unit, const std::vector<doubl
   const Handle set = make_dataset(name, storage, space.get(), creation.get());
   std::vector<char> bytes;
   const Stored its = stored(values.data(), values.size(), storage, bytes);
-  errno = 0;
-  check(H5Dwrite(set.get(), type_of(storage), H5S_ALL, H5S_ALL, H5P_DEFAULT, its.data));
+  const std::size_t row_size = its.size / rows;
+  hsize_t place[2] = {0, 0};
+  for (const std::vector<char>& packed :
+       packed_chunks(its.data, its.size, row_size / size[1], chunk[0] * row_size)) {
+    errno = 0;
+    check(H5Dwrite_chunk(set.get(), H5P_DEFAULT, 0, place, packed.size(), packed.data()));
+    place[0] += chunk[0];
+  }
   if (checksums_ == Checksums::kYes) {
     Sha256 hash;
     hash.update(its.data, its.size);

@@ -28,7 +28,7 @@ class Writer {
   void group(const char* name);
 
   // Rows of `width` values each, as a one-dimensional dataset where the width is 1. Chunked,
-  // shuffled, gzip 4.
+  // shuffled, gzip (h5_packing.h).
   void dataset(const char* name, const char* unit, const std::vector<double>& values, int width,
                Storage storage, const std::vector<std::string>& names = {},
                const char* of_what = "tissues");
