@@ -48,7 +48,7 @@ void try_parsing(const std::string& path, const std::function<void(Reader&)>& pa
   const auto failure = failure_in_trial(
       [&] {
         limit_trial(kTrialSeconds, kTrialMemory);
-        Reader in(path);
+        Reader in(path, true);
         parse(in);
       },
       static_cast<unsigned>(20 + (known >> 20)),  // s: a slow disk reads 1 MB/s
@@ -121,7 +121,7 @@ OpenFile open_to_read(const std::string& path) {
   return opened;
 }
 
-Reader::Reader(const std::string& path) : path_(path) {
+Reader::Reader(const std::string& path, bool trial) : path_(path), trial_(trial) {
   regular_file_size(path);
   stay_in_the_file();
   if (H5Fis_hdf5(path.c_str()) <= 0)

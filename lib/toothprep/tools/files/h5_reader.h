@@ -30,7 +30,11 @@ OpenFile open_to_read(const std::string& path);
 
 class Reader {
  public:
-  explicit Reader(const std::string& path);
+  explicit Reader(const std::string& path, bool trial = false);
+
+  // Opened by a child process that finds out whether HDF5 can read the file (read_with_care): what
+  // is made of the values is lost, so they needn't be put together.
+  bool trial() const { return trial_; }
 
   [[noreturn]] void refuse(const std::string& place, const std::string& condition,
                            const std::string& remedy = {}) const;
@@ -106,6 +110,7 @@ class Reader {
   std::string remedy() const;
 
   std::string path_;
+  bool trial_;
   Handle file_;
   bool growing_ = false, complete_ = false;
   bool shared_ = false;  // opened as SWMR readers do

@@ -242,7 +242,7 @@ Trace parse_trace(Reader& in) {
                       in.open(column.dataset, column.unit, column.width,
                               is_quantity_that_needs_its_unit(column.dataset), column.per_tissue));
   }
-  trace.rows.resize(time.size());
+  if (!in.trial()) trace.rows.resize(time.size());
   for (const auto& [column, set] : sets) {
     const std::vector<double> values = in.read(set);
     const auto width = static_cast<std::size_t>(set.width);
@@ -264,7 +264,8 @@ Trace parse_trace(Reader& in) {
   read_body_areas(in, trace);
   trace.measured_force = forces(in, kMeasured);
   const std::vector<Vec3> load = forces(in, kApplied);
-  for (std::size_t i = 0; i < load.size(); ++i) trace.rows[i].handle.load = load[i];
+  if (!load.empty())
+    for (std::size_t i = 0; i < trace.rows.size(); ++i) trace.rows[i].handle.load = load[i];
   trace.events = read_events(in, time.back());
   return trace;
 }
