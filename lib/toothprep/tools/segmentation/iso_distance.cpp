@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 
 #include "toothprep/step/tooth/cell_cases.h"
 #include "toothprep/tools/segmentation/wide_vectors.h"
@@ -57,10 +58,19 @@ const FlatCases& flat_cases() {
 }
 
 constexpr int kLanes = 8;
-using Lanes = std::array<float, kLanes>;
+using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
+constexpr Lanes kUp = {0, 1, 2, 3, 4, 5, 6, 7};
+
+Lanes load(const float* values) {
+  Lanes lanes;
+  std::memcpy(&lanes, values, sizeof lanes);
+  return lanes;
+}
+Lanes lesser(const Lanes& a, const Lanes& b) { return b < a ? b : a; }
+Lanes greater(const Lanes& a, const Lanes& b) { return a < b ? b : a; }
 
 // Squared distances of points in a row along x to a triangle. Along the row all products are linear
-// in x, and there is no branch, so that the compiler turns a call into a few vector instructions.
+// in x, and there is no branch, so that a call becomes a few vector instructions.
 struct Triangle {
   Vec3f a, ab, ac, bc, normal;            // normal: unit, or zero for a sliver
   float d00, d01, d11, d22, area2;        // products of the edges; twice the area, squared
@@ -97,50 +107,48 @@ struct Triangle {
   // Of the points first + (0, n, 0), each moved along x by what `x` says.
   void rows_from(float y, float z, const Lanes& x, Rows& rows) const {
     const float pz = z - a.z(), qz = pz - ab.z();
-    for (int n = 0; n < kLanes; ++n) {
-      const float px = x[n] - a.x(), py = (y + static_cast<float>(n)) - a.y();
-      const float qx = px - ab.x(), qy = py - ab.y();
-      rows.x[n] = px;
-      rows.q_x[n] = qx;
-      rows.p_side[n] = py * py + pz * pz;
-      rows.q_side[n] = qy * qy + qz * qz;
-      rows.p_ab[n] = px * ab.x() + (py * ab.y() + pz * ab.z());
-      rows.p_ac[n] = px * ac.x() + (py * ac.y() + pz * ac.z());
-      rows.q_bc[n] = qx * bc.x() + (qy * bc.y() + qz * bc.z());
-      rows.height[n] = px * normal.x() + (py * normal.y() + pz * normal.z());
-    }
+    const Lanes px = x - a.x(), py = (y + kUp) - a.y();
+    const Lanes qx = px - ab.x(), qy = py - ab.y();
+    rows.x = px;
+    rows.q_x = qx;
+    rows.p_side = py * py + pz * pz;
+    rows.q_side = qy * qy + qz * qz;
+    rows.p_ab = px * ab.x() + (py * ab.y() + pz * ab.z());
+    rows.p_ac = px * ac.x() + (py * ac.y() + pz * ac.z());
+    rows.q_bc = qx * bc.x() + (qy * bc.y() + qz * bc.z());
+    rows.height = px * normal.x() + (py * normal.y() + pz * normal.z());
   }
 
   // Of the points from where row r begins on.
-  void squared_distances(const Rows& rows, int r, Lanes& result) const {
-    const float x = rows.x[r], q_x = rows.q_x[r], p_side = rows.p_side[r], q_side = rows.q_side[r],
-                p_ab = rows.p_ab[r], p_ac = rows.p_ac[r], q_bc = rows.q_bc[r],
-                height = rows.height[r];
-    const auto to_segment = [](float squared, float along, float length2, float inverse) {
-      const float t = std::min(std::max(along * inverse, 0.0f), 1.0f);
+  Lanes squared_distances(const Rows& rows, int r) const {
+    constexpr Lanes zero{}, one = zero + 1;
+    const auto to_segment = [](const Lanes& squared, const Lanes& along, float length2,
+                               float inverse) {
+      Lanes t = along * inverse;
+      t = t < zero ? zero : t;
+      t = t > one ? one : t;
       return squared - t * (2 * along - t * length2);
     };
-    for (int n = 0; n < kLanes; ++n) {
-      const auto s = static_cast<float>(n);
-      const float d20 = p_ab + s * ab.x(), d21 = p_ac + s * ac.x(), d22_ = q_bc + s * bc.x();
-      const float h = height + s * normal.x();
-      const float px = x + s, qx = q_x + s;
-      const float pp = px * px + p_side, qq = qx * qx + q_side;
-      const float edges = std::min(
-          to_segment(pp, d20, d00, inverse00),
-          std::min(to_segment(pp, d21, d11, inverse11), to_segment(qq, d22_, d22, inverse22)));
-      const float v = d11 * d20 - d01 * d21, w = d00 * d21 - d01 * d20;
-      // All three weights of the projection's barycentric coordinates positive: the face is
-      // nearest.
-      const float least = std::min(std::min(v, w), area2 - v - w);
-      const float face = h * h;
-      result[n] = least >= 0 ? face : std::max(edges, 0.0f);
-    }
+    const Lanes d20 = rows.p_ab[r] + kUp * ab.x(), d21 = rows.p_ac[r] + kUp * ac.x(),
+                d22_ = rows.q_bc[r] + kUp * bc.x();
+    const Lanes h = rows.height[r] + kUp * normal.x();
+    const Lanes px = rows.x[r] + kUp, qx = rows.q_x[r] + kUp;
+    const Lanes pp = px * px + rows.p_side[r], qq = qx * qx + rows.q_side[r];
+    const Lanes edges =
+        lesser(to_segment(pp, d20, d00, inverse00),
+               lesser(to_segment(pp, d21, d11, inverse11), to_segment(qq, d22_, d22, inverse22)));
+    const Lanes v = d11 * d20 - d01 * d21, w = d00 * d21 - d01 * d20;
+    // All three weights of the projection's barycentric coordinates positive: the face is
+    // nearest.
+    const Lanes least = lesser(lesser(v, w), area2 - v - w);
+    return least >= zero ? h * h : greater(edges, zero);
   }
 };
 
 // The distances of the nodes in some planes: squares first, from the triangles of every cell within
-// reach, then their roots with a sign. A minimum over the same triangles, whatever the slabs.
+// reach, then their roots with a sign. A minimum over the same triangles, whatever the slabs. Most
+// triangles near a node are farther away than another one: to know so early, each node starts from a
+// bound that one of the triangles beneath it gives.
 class Slab {
  public:
   Slab(const Index3& size, const float* field, float band, int first, int last, float* distance,
@@ -163,18 +171,19 @@ class Slab {
     std::fill(best_, best_ + nodes_, band_ * band_);
     const int reach = static_cast<int>(std::ceil(band_));
     const int low = std::max(0, z0_ - reach - 1), high = std::min(nz_ - 1, z1_ + reach);
-    positive_.resize(2 * plane_);
-    cases_in_row_.resize(row_);
+    positive_.resize(2 * plane_ + sizeof(std::uint64_t));
+    std::fill_n(least_.begin() + kLanes, kLanes, band_ * band_);
     if (low < high) find_signs(low);
     for (int k = low; k < high; ++k) {
       find_signs(k + 1);
-      for (int j = 0; j + 1 < ny_; ++j) visit_row(j, k);
+      for (int j = 0; j + 1 < ny_; ++j) find_cells(j, k);
     }
+    for (const Cell& cell : cells_) bound_nodes(cell);
+    for (const Cell& cell : cells_) visit(cell);
     const float* f = field_ + static_cast<std::size_t>(z0_) * plane_;
     for (std::size_t v = 0; v < nodes_; ++v) {
       // Never zero: the sign must separate inside from outside.
-      const float d = std::max(std::sqrt(best_[v]), 1e-6f);
-      best_[v] = f[v] > 0 ? -d : d;
+      best_[v] = std::copysign(std::max(std::sqrt(best_[v]), 1e-6f), -f[v]);
     }
   }
 
@@ -184,35 +193,99 @@ class Slab {
   void find_signs(int k) {
     const float* f = field_ + static_cast<std::size_t>(k) * plane_;
     std::uint8_t* positive = signs_of(k);
-    for (std::size_t v = 0; v < plane_; ++v) positive[v] = f[v] > 0;
+    const std::size_t count = plane_;
+    for (std::size_t v = 0; v < count; ++v) positive[v] = f[v] > 0;
   }
 
-  // The cells along x: first their sign patterns, all at once.
-  void visit_row(int j, int k) {
+  // Those along x with a surface. Most lie eight beside each other without one.
+  void find_cells(int j, int k) {
     const std::size_t row = static_cast<std::size_t>(j) * row_;
     const std::uint8_t *a = signs_of(k) + row, *b = a + row_, *c = signs_of(k + 1) + row,
                        *d = c + row_;
-    std::uint8_t* inside = cases_in_row_.data();
-    for (std::size_t i = 0; i + 1 < row_; ++i)
-      inside[i] = static_cast<std::uint8_t>(a[i] | a[i + 1] << 1 | b[i] << 2 | b[i + 1] << 3 |
-                                            c[i] << 4 | c[i + 1] << 5 | d[i] << 6 | d[i + 1] << 7);
-    const float* f = field_ + static_cast<std::size_t>(k) * plane_ + row;
-    for (int i = 0; i + 1 < nx_; ++i)
-      if (cases_.triangles[inside[i]] > 0) visit_cell(Index3(i, j, k), f + i, inside[i]);
+    constexpr std::uint64_t kAllPositive = 0x0101010101010101;
+    const auto word = [](const std::uint8_t* signs) {
+      std::uint64_t eight;
+      std::memcpy(&eight, signs, sizeof eight);
+      return eight;
+    };
+    for (int i = 0; i + 1 < nx_; i += 8) {
+      std::uint64_t any = 0, all = kAllPositive;
+      for (const std::uint8_t* signs : {a, b, c, d})
+        for (const int beside : {0, 1}) {
+          const std::uint64_t eight = word(signs + i + beside);
+          any |= eight;
+          all &= eight;
+        }
+      if (any == 0 || all == kAllPositive) continue;
+      for (int n = i; n < std::min(i + 8, nx_ - 1); ++n) {
+        const auto inside =
+            static_cast<std::uint8_t>(a[n] | a[n + 1] << 1 | b[n] << 2 | b[n + 1] << 3 | c[n] << 4 |
+                                      c[n + 1] << 5 | d[n] << 6 | d[n + 1] << 7);
+        if (cases_.triangles[inside] > 0) cells_.push_back({{n, j, k}, inside});
+      }
+    }
   }
 
-  void visit_cell(const Index3& cell, const float* f, int inside) {
-    std::array<Vec3f, 12> point;
-    for (int e = 0; e < 12; ++e) {
-      const int from = cases_.from[e], to = cases_.to[e];
-      if ((inside >> from & 1) == (inside >> to & 1)) continue;
-      const float fa = f[corner_[from]], fb = f[corner_[to]];
-      point[e] = Vec3f(from & 1, from >> 1 & 1, from >> 2);
-      point[e][e / 4] += fa / (fa - fb);
+  struct Cell {
+    std::array<int, 3> at;
+    std::uint8_t inside;  // sign pattern
+  };
+  const float* field_at(const Cell& cell) const {
+    return field_ + static_cast<std::size_t>(cell.at[2]) * plane_ +
+           static_cast<std::size_t>(cell.at[1]) * row_ + static_cast<std::size_t>(cell.at[0]);
+  }
+  // Where the surface crosses an edge.
+  Vec3f crossing(const float* f, int e) const {
+    const int from = cases_.from[e];
+    const float fa = f[corner_[from]], fb = f[corner_[cases_.to[e]]];
+    Vec3f point(from & 1, from >> 1 & 1, from >> 2);
+    point[e / 4] += fa / (fa - fb);
+    return point;
+  }
+
+  // The nodes along the normal of the cell's first triangle are not farther away than its centre.
+  void bound_nodes(const Cell& cell) {
+    const float* f = field_at(cell);
+    const auto* triple = cases_.edges[cell.inside].data();
+    const Vec3f a = crossing(f, triple[0]), b = crossing(f, triple[1]), c = crossing(f, triple[2]);
+    const Vec3f normal = (b - a).cross(c - a), centre = a + ((b - a) + (c - a)) / 3;
+    if (normal.squaredNorm() < kSliver) return;
+    int main;
+    normal.cwiseAbs().maxCoeff(&main);
+    const Vec3f step = normal / normal[main];
+    const std::array<int, 3> first{0, 0, z0_}, end{nx_, ny_, z1_};
+    const float reach = band_ / step.norm();
+    for (int m = static_cast<int>(std::ceil(centre[main] - reach)); m <= centre[main] + reach;
+         ++m) {
+      const Vec3f on = centre + (static_cast<float>(m) - centre[main]) * step;
+      float squared = 0;
+      std::array<int, 3> node;
+      bool there = true;
+      for (int x = 0; x < 3; ++x) {
+        const auto nearest = static_cast<int>(std::floor(on[x] + 0.5f));
+        const float away = static_cast<float>(nearest) - centre[x];
+        squared += away * away;
+        node[x] = cell.at[x] + nearest;
+        there = there && node[x] >= first[x] && node[x] < end[x];
+      }
+      if (!there) continue;
+      float& best =
+          best_[static_cast<std::size_t>(node[2] - z0_) * plane_ +
+                static_cast<std::size_t>(node[1]) * row_ + static_cast<std::size_t>(node[0])];
+      best = std::min(best, squared * (1 + kSlack) + kSlack);
     }
-    for (int t = 0; t < cases_.triangles[inside]; ++t) {
-      const auto* triple = &cases_.edges[inside][3 * t];
-      lower(cell, Triangle(point[triple[0]], point[triple[1]], point[triple[2]]));
+  }
+
+  void visit(const Cell& cell) {
+    const float* f = field_at(cell);
+    std::array<Vec3f, 12> point;
+    for (int e = 0; e < 12; ++e)
+      if ((cell.inside >> cases_.from[e] & 1) != (cell.inside >> cases_.to[e] & 1))
+        point[e] = crossing(f, e);
+    for (int t = 0; t < cases_.triangles[cell.inside]; ++t) {
+      const auto* triple = &cases_.edges[cell.inside][3 * t];
+      lower(Index3(cell.at[0], cell.at[1], cell.at[2]),
+            Triangle(point[triple[0]], point[triple[1]], point[triple[2]]));
     }
   }
 
@@ -248,39 +321,68 @@ class Slab {
       last[n] = std::min(nx_ - 1, i + static_cast<int>(std::floor(centre.x() + half)));
       x[n] = static_cast<float>(first[n] - i);
     }
+    // Whether one of the nodes may be nearer to the triangle than to those before.
+    const auto counts = [&](int n, std::size_t row, std::size_t at) {
+      if (!(half2[n] > 0) || first[n] > last[n]) return false;
+      if (wanted_ && !(first[n] < wanted_[row].end && first[n] + kLanes > wanted_[row].first))
+        return false;
+      const float dy = (from_y + static_cast<float>(n)) - centre.y();
+      return triangle.area2 < kSliver || at + kLanes > nodes_ ||
+             may_be_nearer(best_ + at, x[n] - centre.x(), dy * dy + dz * dz,
+                           triangle.radius + kMargin);
+    };
     Triangle::Rows rows;
     const std::size_t r = static_cast<std::size_t>(z - z0_) * static_cast<std::size_t>(ny_) +
                           static_cast<std::size_t>(y);
     // Where the lanes begin decides their last bit, so it doesn't depend on what is wanted.
     for (bool more = true; more;) {
-      triangle.rows_from(from_y, from_z, x, rows);
       more = false;
+      bool made = false;
       for (int n = 0; n < count; ++n) {
-        if (!(half2[n] > 0) || first[n] > last[n]) continue;
-        const std::size_t row = r + static_cast<std::size_t>(n);
-        if (!wanted_ || (first[n] < wanted_[row].end && first[n] + kLanes > wanted_[row].first))
-          lower_nodes(triangle, rows, n, row * row_ + static_cast<std::size_t>(first[n]),
-                      last[n] - first[n] + 1);
+        const std::size_t row = r + static_cast<std::size_t>(n),
+                          at = row * row_ + static_cast<std::size_t>(first[n]);
+        if (!counts(n, row, at)) continue;
+        if (!made) triangle.rows_from(from_y, from_z, x, rows);
+        made = true;
+        lower_nodes(triangle, rows, n, at, last[n] - first[n] + 1);
+      }
+      for (int n = 0; n < count; ++n) {
         first[n] += kLanes;
-        x[n] += kLanes;
-        more = more || first[n] <= last[n];
+        x[n] += static_cast<float>(kLanes);
+        more = more || (half2[n] > 0 && first[n] <= last[n]);
       }
     }
+  }
+
+  // False if each of the nodes along x is farther from the ball around a triangle than the triangles
+  // before are: the first is x from the ball's centre, all are `side2` beside it, squared. A root is not
+  // more than its tangent in the middle of the band.
+  bool may_be_nearer(const float* best, float x, float side2, float radius) const {
+    const float slope = 1 + 2 * radius / band_, rest = side2 - radius * (0.5f * band_ + radius);
+    const Lanes dx = x + kUp;
+    const auto nearer = dx * dx + rest < slope * load(best);
+    std::array<std::uint64_t, kLanes / 2> pairs;
+    std::memcpy(pairs.data(), &nearer, sizeof nearer);
+    return (pairs[0] | pairs[1] | pairs[2] | pairs[3]) != 0;
   }
 
   // The `count` nodes from `at` on along row r, as many as there are lanes at most.
   void lower_nodes(const Triangle& triangle, const Triangle::Rows& rows, int r, std::size_t at,
                    int count) {
-    Lanes d2;
-    triangle.squared_distances(rows, r, d2);
-    for (int n = 0; n < kLanes; ++n) d2[n] = n < count ? d2[n] : band_ * band_;
+    Lanes d2 = triangle.squared_distances(rows, r);
+    d2 = greater(d2, load(least_.data() + kLanes - std::min(kLanes, count)));
     float* node = best_ + at;
     if (at + kLanes <= nodes_) {
-      for (int n = 0; n < kLanes; ++n) node[n] = std::min(node[n], d2[n]);
+      d2 = lesser(load(node), d2);
+      std::memcpy(node, &d2, sizeof d2);
     } else {
       for (int n = 0; n < std::min(kLanes, count); ++n) node[n] = std::min(node[n], d2[n]);
     }
   }
+
+  // What a squared distance can be wrong by, single precision as it is, unless the triangle's area is
+  // next to nothing; and more than that in terms of the distance.
+  static constexpr float kSlack = 1e-3f, kSliver = 1e-3f, kMargin = 0.01f;
 
   const FlatCases& cases_ = flat_cases();
   int nx_, ny_, nz_, z0_, z1_;
@@ -291,7 +393,9 @@ class Slab {
   float* best_;
   std::size_t nodes_;
   const RowPart* wanted_;
-  std::vector<std::uint8_t> positive_, cases_in_row_;
+  std::array<float, 2 * kLanes> least_{};  // of squared distances: zeros, then what is too far away
+  std::vector<std::uint8_t> positive_;
+  std::vector<Cell> cells_;
 };
 
 }  // namespace
