@@ -28,6 +28,16 @@ class BandField {
   bool has(std::size_t v) const { return place_[v / kChunk] != kNone; }
   float operator[](std::size_t v) const { return values_[at(v)]; }  // if it has
   float& operator[](std::size_t v) { return values_[at(v)]; }       // likewise
+  // work(v) for every voxel of first .. end - 1 that it has.
+  template <class Work>
+  void for_each(std::size_t first, std::size_t end, const Work& work) const {
+    while (first < end) {
+      const std::size_t next = std::min(end, (first / kChunk + 1) * kChunk);
+      if (has(first))
+        for (std::size_t v = first; v < next; ++v) work(v);
+      first = next;
+    }
+  }
 
  private:
   static constexpr std::uint32_t kNone = 0xFFFFFFFF;

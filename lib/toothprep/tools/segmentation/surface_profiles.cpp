@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <deque>
+#include <limits>
 #include <utility>
 
 #include "toothprep/tools/segmentation/wide_vectors.h"
@@ -72,16 +75,16 @@ void find_places(const WorkBox& box, const Field& grey, const SurfaceDepth& dept
   profiles.row_end.assign(planes.size() * ny, 0);
   tbb::parallel_for(0, box.size.z(), [&](int k) {
     std::vector<Place>& plane = planes[static_cast<std::size_t>(k)];
-    std::size_t v = box.offset(0, 0, k);
     for (int j = 0; j < box.size.y(); ++j) {
-      for (int i = 0; i < box.size.x(); ++i, ++v) {
-        if (!(depth[v] >= 0 && depth[v] < 1)) continue;
-        const Index3 index(i, j, k);
+      const std::size_t row = box.offset(0, j, k);
+      level.for_each(row, row + static_cast<std::size_t>(box.size.x()), [&](std::size_t v) {
+        if (!(depth[v] >= 0 && depth[v] < 1)) return;
+        const Index3 index(static_cast<int>(v - row), j, k);
         const Vec3 inwards = inwards_at(box, level, index);
-        if (inwards.isZero()) continue;
+        if (inwards.isZero()) return;
         const auto zero = crossing(box, grey, index.cast<double>(), inwards, border, 1 + blur);
         if (zero) plane.push_back({index, inwards, *zero});
-      }
+      });
       profiles.row_end[static_cast<std::size_t>(k) * ny + static_cast<std::size_t>(j)] =
           static_cast<std::uint32_t>(plane.size());
     }
@@ -97,87 +100,138 @@ void find_places(const WorkBox& box, const Field& grey, const SurfaceDepth& dept
   }
 }
 
-struct BallRow {  // of voxels around a centre, along x
-  int y, z, half;
-};
-
-std::vector<BallRow> ball(double radius) {
-  const int r = static_cast<int>(radius);
-  std::vector<BallRow> rows;
-  for (int z = -r; z <= r; ++z)
-    for (int y = -r; y <= r; ++y) {
-      int half = r;
-      while (half >= 0 && half * half + y * y + z * z > radius * radius) --half;
-      if (half >= 0) rows.push_back({y, z, half});
-    }
-  return rows;
-}
-
-// The places in the ball around a place whose normal is about the same. One place after another along
-// a row, so that each of the ball's rows is walked once.
-class SameNormal {
+// Means of profiles over the places in the ball around each whose normal is about the same, for all in a
+// block of voxels: who is beside whom is asked of those around the block, four at a time, and a mean comes
+// from the one before by what is different. In double precision sums of greys are exact, for all that
+// matters in single precision.
+class AlongSurface {
  public:
-  SameNormal(const SurfaceProfiles& profiles, const std::vector<BallRow>& ball)
-      : profiles_(profiles), ball_(ball), rows_(ball.size()) {}
+  static constexpr int kBlock = 4;  // voxels along an edge
 
-  const std::vector<std::size_t>& around(std::size_t p) {
-    const Index3 at = profiles_.voxel[p];
-    if (at.y() != y_ || at.z() != z_) enter_row(at.y(), at.z());
-    found_.clear();
-    for (std::size_t n = 0; n < ball_.size(); ++n) {
-      Walk& row = rows_[n];
-      while (row.next < row.end && profiles_.voxel[row.next].x() < at.x() - ball_[n].half)
-        ++row.next;
-      for (std::size_t other = row.next;
-           other < row.end && profiles_.voxel[other].x() <= at.x() + ball_[n].half; ++other)
-        if (profiles_.inwards[p].dot(profiles_.inwards[other]) >= kSameNormal)
-          found_.push_back(other);
+  AlongSurface(const SurfaceProfiles& profiles, double radius)
+      : profiles_(profiles),
+        radius_(radius),
+        reach_(static_cast<int>(radius)),
+        sum_(static_cast<std::size_t>(profiles.samples)) {}
+
+  // Of the places in kBlock x kBlock rows from y and z on, in the planes before `z_end`; those of place p
+  // go to means + (p - first) * samples.
+  void means_of(int y, int z, int z_end, std::size_t first, float* means) {
+    own_.clear();
+    around_.clear();
+    z_end = std::min(z_end, z + kBlock);
+    for (int k = z - reach_; k < z_end + reach_; ++k)
+      for (int j = y - reach_; j < y + kBlock + reach_; ++j) {
+        const auto [next, end] = profiles_.row(j, k);
+        if (next == end) continue;
+        around_.push_back({next, end});
+        if (k >= z && k < z_end && j >= y && j < y + kBlock) own_.push_back({next, end});
+      }
+    const auto x_of = [&](std::size_t p) { return profiles_.voxel[p].x(); };
+    for (;;) {
+      int x = std::numeric_limits<int>::max();
+      for (const Row& row : own_)
+        if (row.next < row.end) x = std::min(x, x_of(row.next));
+      if (x == std::numeric_limits<int>::max()) return;
+      gather(x - reach_, x + kBlock + reach_);
+      for (Row& row : own_)
+        for (; row.next < row.end && x_of(row.next) < x + kBlock; ++row.next)
+          mean_of(row.next,
+                  means + (row.next - first) * static_cast<std::size_t>(profiles_.samples));
     }
-    return found_;
   }
 
  private:
-  struct Walk {
-    std::size_t next = 0, end = 0;
+  struct Row {
+    std::size_t next, end;
   };
-  void enter_row(int y, int z) {
-    y_ = y, z_ = z;
-    for (std::size_t n = 0; n < ball_.size(); ++n) {
-      const auto [first, end] = profiles_.row(y + ball_[n].y, z + ball_[n].z);
-      rows_[n] = {first, end};
+  using Four = double __attribute__((vector_size(4 * sizeof(double))));
+  struct Word {  // 64 places, as bits
+    std::array<std::array<double, 64>, 3> at, inwards;
+    std::array<std::size_t, 64> place;
+    std::uint64_t summed;
+  };
+
+  // The places around from x = low to high - 1.
+  void gather(int low, int high) {
+    words_.clear();
+    std::size_t count = 0;
+    for (Row& row : around_) {
+      while (row.next < row.end && profiles_.voxel[row.next].x() < low) ++row.next;
+      for (std::size_t p = row.next; p < row.end && profiles_.voxel[p].x() < high; ++p, ++count) {
+        const std::size_t n = count % 64;
+        if (n == 0) {
+          words_.emplace_back();
+          words_.back().at[0].fill(std::numeric_limits<double>::infinity());  // nowhere
+        }
+        Word& word = words_.back();
+        for (int a = 0; a < 3; ++a) {
+          word.at[a][n] = profiles_.voxel[p][a];
+          word.inwards[a][n] = profiles_.inwards[p][a];
+        }
+        word.place[n] = p;
+      }
     }
+    std::fill(sum_.begin(), sum_.end(), 0.0);
+  }
+
+  std::uint64_t beside(const Word& word, const Vec3& at, const Vec3& inwards) const {
+    using Bits = decltype(Four{} < Four{});
+    Bits bits{}, bit = {1, 2, 4, 8};
+    const auto four = [](const double* values) {
+      Four lanes;
+      std::memcpy(&lanes, values, sizeof lanes);
+      return lanes;
+    };
+    for (std::size_t n = 0; n < 64; n += 4, bit <<= 4) {
+      const Four x = four(&word.at[0][n]) - at.x(), y = four(&word.at[1][n]) - at.y(),
+                 z = four(&word.at[2][n]) - at.z();
+      const Four cosine = four(&word.inwards[0][n]) * inwards.x() +
+                          four(&word.inwards[1][n]) * inwards.y() +
+                          four(&word.inwards[2][n]) * inwards.z();
+      bits |= (x * x + y * y + z * z <= radius_ * radius_) & (cosine >= kSameNormal) & bit;
+    }
+    return static_cast<std::uint64_t>(bits[0] | bits[1] | bits[2] | bits[3]);
+  }
+
+  void mean_of(std::size_t p, float* mean) {
+    const Vec3 at = profiles_.voxel[p].cast<double>(), inwards = profiles_.inwards[p];
+    beside_.clear();
+    int count = 0, changes = 0;
+    for (const Word& word : words_) {
+      beside_.push_back(beside(word, at, inwards));
+      count += __builtin_popcountll(beside_.back());
+      changes += __builtin_popcountll(beside_.back() ^ word.summed);
+    }
+    const bool anew = changes > count;
+    if (anew) std::fill(sum_.begin(), sum_.end(), 0.0);
+    const auto samples = static_cast<std::size_t>(profiles_.samples);
+    double* sum = sum_.data();
+    for (std::size_t w = 0; w < words_.size(); ++w) {
+      Word& word = words_[w];
+      for (std::uint64_t change = beside_[w] ^ (anew ? 0 : word.summed); change != 0;
+           change &= change - 1) {
+        const int n = __builtin_ctzll(change);
+        const double sign = beside_[w] >> n & 1 ? 1 : -1;
+        const float* grey = profiles_.of(word.place[static_cast<std::size_t>(n)]);
+        for (std::size_t s = 0; s < samples; ++s) sum[s] += sign * grey[s];
+      }
+      word.summed = beside_[w];
+    }
+    for (std::size_t s = 0; s < samples; ++s) mean[s] = static_cast<float>(sum[s] / count);
   }
 
   const SurfaceProfiles& profiles_;
-  const std::vector<BallRow>& ball_;
-  std::vector<Walk> rows_;
-  std::vector<std::size_t> found_;
-  int y_ = -1, z_ = -1;
+  double radius_;
+  int reach_;
+  std::vector<Row> own_, around_;
+  std::vector<Word> words_;
+  std::vector<std::uint64_t> beside_;  // of each word, who is beside the place
+  std::vector<double> sum_;            // of those that the words call summed
 };
-
-// The mean of some profiles. Some samples of all of them at a time, whose sums stay in registers.
-void mean_of(const SurfaceProfiles& profiles, const std::vector<std::size_t>& some, float* mean) {
-  constexpr int kAtOnce = 16;
-  const auto count = static_cast<double>(some.size());
-  int s = 0;
-  for (; s + kAtOnce <= profiles.samples; s += kAtOnce) {
-    std::array<double, kAtOnce> sum{};
-    for (const std::size_t p : some) {
-      const float* grey = profiles.of(p) + s;
-      for (int n = 0; n < kAtOnce; ++n) sum[n] += grey[n];
-    }
-    for (int n = 0; n < kAtOnce; ++n) mean[s + n] = static_cast<float>(sum[n] / count);
-  }
-  for (; s < profiles.samples; ++s) {
-    double sum = 0;
-    for (const std::size_t p : some) sum += profiles.of(p)[s];
-    mean[s] = static_cast<float>(sum / count);
-  }
-}
 
 // Some planes' places at a time; their means take the profiles' place when no other plane needs these.
 void average_along(double blur, SurfaceProfiles& profiles) {
-  const std::vector<BallRow> near = ball(kAlong * blur);
   const auto samples = static_cast<std::size_t>(profiles.samples);
   const auto ny = static_cast<std::size_t>(profiles.size.y());
   const int reach = static_cast<int>(kAlong * blur);
@@ -202,11 +256,12 @@ void average_along(double blur, SurfaceProfiles& profiles) {
     const int end = std::min(profiles.size.z(), plane + kAtOnce);
     const std::size_t first = places_before(plane), last = places_before(end);
     Means means{end, first, std::vector<float>((last - first) * samples)};
-    tbb::parallel_for(plane, end, [&](int k) {
-      SameNormal same(profiles, near);
+    constexpr int kBlock = AlongSurface::kBlock;
+    tbb::parallel_for(0, (end - plane + kBlock - 1) / kBlock, [&](int layer) {
+      AlongSurface along(profiles, kAlong * blur);
       with_wide_vectors([&] {
-        for (std::size_t p = places_before(k); p < places_before(k + 1); ++p)
-          mean_of(profiles, same.around(p), means.values.data() + (p - first) * samples);
+        for (int y = 0; y < profiles.size.y(); y += kBlock)
+          along.means_of(y, plane + layer * kBlock, end, first, means.values.data());
       });
     });
     waiting.push_back(std::move(means));
