@@ -184,6 +184,27 @@ TEST(SignedField, OfLabelsTakesValuesOnlyBesideTheChangesOfSign) {
   EXPECT_LT(std::count(asked.begin(), asked.end(), 1), kVoxels / 2);
 }
 
+TEST(SurfaceDepth, AboveIsWhereTheDepthIsMore) {
+  Mask ball(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v)
+    ball[v] = (index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7)).norm() < 3.2;
+  const SurfaceDepth depth(kSize, ball, 4);
+  for (const float least : {0.0f, -1.0f, -2.3f, -20.0f}) {
+    const auto above = depth.above(least);
+    for (std::size_t v = 0; v < kVoxels; ++v) EXPECT_EQ(above(v), depth[v] > least);
+  }
+}
+
+TEST(BandField, VisitsTheVoxelsThatItHas) {
+  const BandField some(chunks_where(kVoxels, [](std::size_t v) { return v % 50 == 3; }));
+  std::vector<std::size_t> visited;
+  some.for_each(5, 700, [&](std::size_t v) { visited.push_back(v); });
+  std::vector<std::size_t> expected;
+  for (std::size_t v = 5; v < 700; ++v)
+    if (some.has(v)) expected.push_back(v);
+  EXPECT_EQ(visited, expected);
+}
+
 TEST(SmoothWhere, GivesTheSameBitsAsSmoothingTheWholeArray) {
   // Zero in most rows, which are skipped, and at one side up to the edge, which is continued.
   std::vector<float> values(kVoxels, 0.0f);

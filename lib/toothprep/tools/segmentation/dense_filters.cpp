@@ -71,18 +71,22 @@ std::vector<float> gaussian(double sigma) {
 }
 
 // out = the sum over d of kernel[d] * row d of `rows`; rows that are null hold zeros. A part of the
-// row at a time, whose sums stay in registers.
+// row at a time, whose sums stay in registers. With `needed`, a one for each such part: the others are left
+// as they are.
+constexpr std::size_t kAtOnce = 16;
+std::size_t row_parts(std::size_t length) { return (length + kAtOnce - 1) / kAtOnce; }
 void sum_rows(const std::vector<const float*>& rows, const std::vector<float>& kernel,
-              std::size_t length, float* out) {
-  constexpr std::size_t kAtOnce = 16;
+              std::size_t length, const std::uint8_t* needed, float* out) {
   std::size_t i = 0;
   for (; i + kAtOnce <= length; i += kAtOnce) {
+    if (needed && !needed[i / kAtOnce]) continue;
     std::array<float, kAtOnce> sum{};
     for (std::size_t d = 0; d < kernel.size(); ++d)
       if (rows[d])
         for (std::size_t n = 0; n < kAtOnce; ++n) sum[n] += kernel[d] * rows[d][i + n];
     std::copy(sum.begin(), sum.end(), out + i);
   }
+  if (needed && i < length && !needed[i / kAtOnce]) return;
   for (; i < length; ++i) {
     float sum = 0;
     for (std::size_t d = 0; d < kernel.size(); ++d)
@@ -99,9 +103,9 @@ struct Rows {
 };
 
 // Rows beside each other along one axis, in place; the first and the last are continued. Zeros cost
-// nothing.
+// nothing. `needed`: if not null, the parts of each row.
 void smooth_rows(float* first, int count, std::size_t stride, std::size_t length,
-                 const std::vector<float>& kernel, Rows& rows) {
+                 const std::vector<float>& kernel, const std::uint8_t* needed, Rows& rows) {
   rows.values.resize(static_cast<std::size_t>(count) * length);
   rows.at.resize(static_cast<std::size_t>(count));
   rows.taps.resize(kernel.size());
@@ -117,11 +121,14 @@ void smooth_rows(float* first, int count, std::size_t stride, std::size_t length
     for (int d = -radius; d <= radius; ++d)
       rows.taps[static_cast<std::size_t>(d + radius)] =
           rows.at[static_cast<std::size_t>(std::clamp(r + d, 0, count - 1))];
-    sum_rows(rows.taps, kernel, length, first + static_cast<std::size_t>(r) * stride);
+    sum_rows(rows.taps, kernel, length,
+             needed ? needed + static_cast<std::size_t>(r) * row_parts(length) : nullptr,
+             first + static_cast<std::size_t>(r) * stride);
   }
 }
 
-void smooth_along(float* row, std::size_t length, const std::vector<float>& kernel, Rows& rows) {
+void smooth_along(float* row, std::size_t length, const std::vector<float>& kernel,
+                  const std::uint8_t* needed, Rows& rows) {
   if (std::all_of(row, row + length, [](float x) { return x == 0; })) return;
   const std::size_t radius = kernel.size() / 2;
   rows.values.assign(length + 2 * radius, row[0]);
@@ -130,16 +137,57 @@ void smooth_along(float* row, std::size_t length, const std::vector<float>& kern
             row[length - 1]);
   rows.taps.resize(kernel.size());
   for (std::size_t d = 0; d < kernel.size(); ++d) rows.taps[d] = rows.values.data() + d;
-  sum_rows(rows.taps, kernel, length, row);
+  sum_rows(rows.taps, kernel, length, needed, row);
 }
 
 // Along x and y.
 void smooth_plane(const Index3& size, float* plane, const std::vector<float>& kernel, Rows& rows) {
   const auto row = static_cast<std::size_t>(size.x());
   for (int j = 0; j < size.y(); ++j)
-    smooth_along(plane + static_cast<std::size_t>(j) * row, row, kernel, rows);
-  smooth_rows(plane, size.y(), row, row, kernel, rows);
+    smooth_along(plane + static_cast<std::size_t>(j) * row, row, kernel, nullptr, rows);
+  smooth_rows(plane, size.y(), row, row, kernel, nullptr, rows);
 }
+
+// Which parts of a plane's rows are needed for a field's values.
+class NeededParts {
+ public:
+  NeededParts(const Index3& size, const BandField& field, int radius)
+      : size_(size), radius_(radius), parts_(row_parts(static_cast<std::size_t>(size.x()))) {
+    const auto row = static_cast<std::size_t>(size.x());
+    rows_.resize(static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(size.z()) * parts_);
+    for (std::size_t n = 0; n < rows_.size(); ++n) {
+      const std::size_t first = n / parts_ * row + n % parts_ * kAtOnce,
+                        end = std::min(first + kAtOnce, (n / parts_ + 1) * row);
+      rows_[n] = field.has(first) || field.has(end - 1);
+    }
+  }
+
+  // Along x and y.
+  void smooth(int k, float* plane, const std::vector<float>& kernel, Rows& rows) const {
+    const std::size_t area = static_cast<std::size_t>(size_.y()) * parts_;
+    const Mask across = around(rows_.data(), k, size_.z(), area);
+    const auto row = static_cast<std::size_t>(size_.x());
+    for (int j = 0; j < size_.y(); ++j)
+      smooth_along(plane + static_cast<std::size_t>(j) * row, row, kernel,
+                   around(across.data(), j, size_.y(), parts_).data(), rows);
+    smooth_rows(plane, size_.y(), row, row, kernel, across.data(), rows);
+  }
+
+ private:
+  // In one of the `count` things of that length within the radius of one of them.
+  Mask around(const std::uint8_t* first, int at, int count, std::size_t length) const {
+    Mask any(length);
+    for (int n = std::max(0, at - radius_); n <= std::min(count - 1, at + radius_); ++n)
+      for (std::size_t i = 0; i < length; ++i)
+        any[i] |= first[static_cast<std::size_t>(n) * length + i];
+    return any;
+  }
+
+  Index3 size_;
+  int radius_;
+  std::size_t parts_;
+  Mask rows_;
+};
 
 }  // namespace
 
@@ -160,7 +208,7 @@ void smooth(const Index3& size, std::vector<float>& values, double sigma) {
     Rows rows;
     with_wide_vectors([&] {
       smooth_rows(values.data() + static_cast<std::size_t>(j) * row, size.z(), plane, row, kernel,
-                  rows);
+                  nullptr, rows);
     });
   });
 }
@@ -171,6 +219,7 @@ void smooth_where(const Index3& size, double sigma, const BandField& field,
   const std::vector<float> kernel = gaussian(sigma);
   const int radius = static_cast<int>(kernel.size() / 2);
   const std::size_t area = static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y());
+  const NeededParts needed_parts(size, field, radius);
   constexpr int kPlanes = BandField::kChunk;  // so that a chunk never lies in two parts
   std::vector<std::vector<float>> planes(static_cast<std::size_t>(size.z()));  // those in use
   int ready = 0;
@@ -181,7 +230,7 @@ void smooth_where(const Index3& size, double sigma, const BandField& field,
       plane.resize(area);
       fill(k, plane.data());
       Rows rows;
-      with_wide_vectors([&] { smooth_plane(size, plane.data(), kernel, rows); });
+      with_wide_vectors([&] { needed_parts.smooth(k, plane.data(), kernel, rows); });
     });
     ready = needed;
     tbb::parallel_for(first, end, [&](int k) {
@@ -196,7 +245,7 @@ void smooth_where(const Index3& size, double sigma, const BandField& field,
             taps[static_cast<std::size_t>(d + radius)] =
                 planes[static_cast<std::size_t>(std::clamp(k + d, 0, size.z() - 1))].data() +
                 (v - begin);
-          with_wide_vectors([&] { sum_rows(taps, kernel, next - v, sum.data()); });
+          with_wide_vectors([&] { sum_rows(taps, kernel, next - v, nullptr, sum.data()); });
           for (std::size_t u = v; u < next; ++u) take(u, sum[u - v]);
         }
         v = next;

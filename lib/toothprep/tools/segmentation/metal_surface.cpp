@@ -115,7 +115,7 @@ MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& sc
                         sigma * place_on_step(kHighLevel * share));
   }
   std::vector<std::vector<MetalSurface::Voxel>> planes(static_cast<std::size_t>(box.size.z()));
-  box.for_each([&](int i, int j, int k, std::size_t v) {
+  for_each_of(box, level, [&](int i, int j, int k, std::size_t v) {
     if (std::abs(depth[v]) >= reach) return;
     const Index3 index(i, j, k);
     const Vec3 at = index.cast<double>();

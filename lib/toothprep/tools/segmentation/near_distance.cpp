@@ -7,6 +7,8 @@
 #include <cstring>
 #include <utility>
 
+#include "toothprep/tools/segmentation/wide_vectors.h"
+
 namespace toothprep {
 namespace {
 
@@ -25,8 +27,8 @@ void along_x(const std::uint8_t* mask, int n, int reach, std::uint16_t far, std:
     for (int k = std::max(last + 1, at - reach); k < std::min(at, n); ++k)
       out[k] = std::min(out[k], static_cast<std::uint16_t>((at - k) * (at - k)));
     if (at >= n) return;
-    out[at] = 0;
-    last = i = at;
+    for (i = at; i < n && mask[i] == 1; ++i) out[i] = 0;
+    last = --i;
   }
 }
 
@@ -81,32 +83,41 @@ NearDistance::NearDistance(const Index3& size, const Mask& mask, int reach)
     for (int j = 0; j < ny; ++j)
       along_x(mask.data() + o + static_cast<std::size_t>(j) * row, nx, reach, far,
               squared_.data() + o + static_cast<std::size_t>(j) * row);
-    pass(squared_.data() + o, ny, row, nx, reach, far);
+    with_wide_vectors([&] { pass(squared_.data() + o, ny, row, nx, reach, far); });
   });
   tbb::parallel_for(0, ny, [&](int j) {
-    pass(squared_.data() + static_cast<std::size_t>(j) * row, nz, plane, nx, reach, far);
+    std::uint16_t* rows = squared_.data() + static_cast<std::size_t>(j) * row;
+    with_wide_vectors([&] { pass(rows, nz, plane, nx, reach, far); });
   });
 }
+
+namespace {
+
+void keep_in(const std::uint8_t* in, std::size_t count, std::uint8_t* kept) {
+  for (std::size_t i = 0; i < count; ++i) kept[i] &= in[i];
+}
+
+}  // namespace
 
 Mask outermost_of(const Index3& size, const Mask& mask) {
   const int nx = size.x(), ny = size.y(), nz = size.z();
   const auto row = static_cast<std::size_t>(nx), plane = row * static_cast<std::size_t>(ny);
   Mask result(mask.size(), 0);
   tbb::parallel_for(0, nz, [&](int k) {
-    Mask full(row);  // of the up to nine rows around: all in the mask
+    // Of the up to nine rows around: all in the mask; so is what is beyond its ends.
+    Mask full(row + 2);
     for (int j = 0; j < ny; ++j) {
       std::fill(full.begin(), full.end(), std::uint8_t{1});
       for (int z = std::max(0, k - 1); z <= std::min(nz - 1, k + 1); ++z)
-        for (int y = std::max(0, j - 1); y <= std::min(ny - 1, j + 1); ++y) {
-          const std::uint8_t* in =
-              mask.data() + static_cast<std::size_t>(z) * plane + static_cast<std::size_t>(y) * row;
-          for (std::size_t i = 0; i < row; ++i) full[i] &= in[i];
-        }
+        for (int y = std::max(0, j - 1); y <= std::min(ny - 1, j + 1); ++y)
+          keep_in(
+              mask.data() + static_cast<std::size_t>(z) * plane + static_cast<std::size_t>(y) * row,
+              row, full.data() + 1);
       const std::size_t o = static_cast<std::size_t>(k) * plane + static_cast<std::size_t>(j) * row;
-      for (std::size_t i = 0; i < row; ++i) {
-        const bool inside = full[i] && (i == 0 || full[i - 1]) && (i + 1 == row || full[i + 1]);
-        result[o + i] = mask[o + i] && !inside;
-      }
+      const std::uint8_t *in = mask.data() + o, *of = full.data() + 1;
+      std::uint8_t* out = result.data() + o;
+      for (std::size_t i = 0, n = row; i < n; ++i)
+        out[i] = in[i] & ~(of[i - 1] & of[i] & of[i + 1]);
     }
   });
   return result;

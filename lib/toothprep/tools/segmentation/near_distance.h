@@ -44,6 +44,15 @@ class SurfaceDepth {
   SurfaceDepth(const Index3& size, const Mask& mask, int reach);
 
   float operator[](std::size_t v) const { return depth_[code_[v]]; }
+  // Whether it is more than `least`, which is not above zero: a function of the voxel.
+  auto above(float least) const {
+    // The codes of the inside come first, then those of the outside with the nearest first.
+    std::size_t end = depth_.size() / 2;
+    while (end < depth_.size() && depth_[end] > least) ++end;
+    return [code = code_.data(), end = static_cast<std::uint16_t>(end)](std::size_t v) {
+      return code[v] < end;
+    };
+  }
 
  private:
   std::vector<std::uint16_t> code_;  // of each voxel

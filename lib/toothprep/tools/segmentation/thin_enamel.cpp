@@ -217,8 +217,8 @@ ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
   const NearThinEnamel near(profiles, places,
                             static_cast<int>(std::ceil(std::max(inside, outside) + 2)));
   std::vector<std::vector<ThinEnamel::Voxel>> planes(static_cast<std::size_t>(box.size.z()));
-  box.for_each([&](int i, int j, int k, std::size_t v) {
-    if (depth[v] <= -outside || depth[v] >= inside || !near(i, j, k)) return;
+  for_each_of(box, level, [&](int i, int j, int k, std::size_t v) {
+    if (!near(i, j, k) || depth[v] <= -outside || depth[v] >= inside) return;
     const Index3 index(i, j, k);
     const Vec3 inwards = inwards_at(box, level, index), at = index.cast<double>();
     ThinEnamel::Voxel voxel;

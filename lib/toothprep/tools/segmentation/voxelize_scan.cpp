@@ -1,3 +1,5 @@
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,17 +17,81 @@
 #include "toothprep/tools/segmentation/surface_uncertainty.h"
 #include "toothprep/tools/segmentation/thin_enamel.h"
 #include "toothprep/tools/segmentation/voxelize.h"
+#include "toothprep/tools/segmentation/wide_vectors.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
 namespace toothprep {
 namespace {
 
+// trilinear() at the box's voxels where the scan's axes are those of the box: the scan's rows are
+// interpolated along x once for all rows of the box between them.
+Field resample_along_axes(const ImageVolume<float>& scan, const WorkBox& box, float outside) {
+  struct OnAxis {
+    std::size_t base;  // the scan's voxel below
+    double share;      // on the way to the next
+    bool in;           // the scan
+  };
+  std::array<std::vector<OnAxis>, 3> along;
+  std::array<std::size_t, 3> lowest;
+  const Mat3 to_index = scan.to_index();
+  for (int a = 0; a < 3; ++a) {
+    for (int i = 0; i < box.size[a]; ++i) {
+      const double x = to_index(a, a) * (box.centre(Index3::Unit(a) * i)[a] - scan.origin[a]);
+      const double within = std::clamp(x, 0.0, scan.size[a] - 1.0);
+      const int base = std::min(static_cast<int>(within), scan.size[a] - 2);
+      along[a].push_back({static_cast<std::size_t>(base), within - base,
+                          x >= -0.5 && scan.size[a] - 0.5 - x >= 0});
+    }
+    lowest[a] = std::min(along[a].front().base, along[a].back().base);
+  }
+  const auto nx = static_cast<std::size_t>(box.size.x()),
+             row = static_cast<std::size_t>(scan.size.x()),
+             plane = row * static_cast<std::size_t>(scan.size.y());
+  const std::size_t rows =
+      std::max(along[1].front().base, along[1].back().base) + 2 - lowest[1];  // of the scan
+  Field grey(box.voxels());
+  tbb::parallel_for(0, box.size.z(), [&](int k) {
+    const OnAxis& z = along[2][static_cast<std::size_t>(k)];
+    std::array<std::vector<double>, 2> slices;
+    for (std::size_t s = 0; s < 2; ++s) {
+      slices[s].resize(rows * nx);
+      for (std::size_t r = 0; r < rows; ++r) {
+        const float* in = scan.data.data() + (z.base + s) * plane + (lowest[1] + r) * row;
+        double* out = slices[s].data() + r * nx;
+        for (std::size_t i = 0; i < nx; ++i) {
+          const OnAxis& x = along[0][i];
+          out[i] = in[x.base] + x.share * (in[x.base + 1] - in[x.base]);
+        }
+      }
+    }
+    with_wide_vectors([&] {
+      for (int j = 0; j < box.size.y(); ++j) {
+        const OnAxis& y = along[1][static_cast<std::size_t>(j)];
+        float* out = grey.data() + box.offset(0, j, k);
+        const std::size_t first = (y.base - lowest[1]) * nx;
+        const double *a = slices[0].data() + first, *b = a + nx, *c = slices[1].data() + first,
+                     *d = c + nx;
+        const double share_y = y.share, share_z = z.share;
+        for (std::size_t i = 0; i < nx; ++i) {
+          const double ab = a[i] + share_y * (b[i] - a[i]), cd = c[i] + share_y * (d[i] - c[i]);
+          out[i] = static_cast<float>(ab + share_z * (cd - ab));
+        }
+        for (std::size_t i = 0; i < nx; ++i)
+          if (!(along[0][i].in && y.in && z.in)) out[i] = outside;
+      }
+    });
+  });
+  return grey;
+}
+
 // Greys on the box's lattice: linear between the scan's voxels, averaged over the output voxel
 // where that is coarser; `outside` beyond the border of the scan's outermost voxels.
 Field resample(const ImageVolume<float>& scan, const WorkBox& box, double outside) {
-  Field grey(box.voxels());
   const double ratio = box.lattice.voxel / scan.spacing.minCoeff();
   const int points_per_axis = ratio > 1.25 ? std::min(8, static_cast<int>(std::ceil(ratio))) : 1;
+  if (points_per_axis == 1 && scan.to_index().isDiagonal(0))
+    return resample_along_axes(scan, box, static_cast<float>(outside));
+  Field grey(box.voxels());
   const Vec3 last = scan.size.cast<double>() - Vec3::Constant(0.5);
   for_each_point_set(scan, box, points_per_axis,
                      [&](std::size_t v, const Vec3& centre, const std::vector<Vec3>& points) {
@@ -81,10 +147,14 @@ void clean_islands(const WorkBox& box, const InDomain& in_domain, const Mask& ca
   Mask part(static_cast<std::size_t>(box.size.x()));  // of a row
   for (const bool of_enamel : {true, false}) {
     const MaskParts pieces = parts_of(box.size, [&](std::size_t row) {
-      for (std::size_t i = 0; i < part.size(); ++i) {
-        const std::size_t v = row * part.size() + i;
-        part[i] = (enamel[v] != 0) == of_enamel && (cavity.empty() || !cavity[v]) && in_domain(v);
-      }
+      const std::size_t first = row * part.size();
+      const std::uint8_t *of = enamel.data() + first,
+                         *pulp = cavity.empty() ? nullptr : cavity.data() + first;
+      const std::uint8_t other = of_enamel ? 0 : 1;
+      std::uint8_t* out = part.data();
+      const InDomain in = in_domain;
+      for (std::size_t i = 0, n = part.size(); i < n; ++i) out[i] = (of[i] ^ other) & in(first + i);
+      for (std::size_t i = 0, n = part.size(); pulp && i < n; ++i) out[i] &= 1 ^ pulp[i];
       return part.data();
     });
     pieces.for_each([&](std::size_t first, std::size_t end, std::size_t piece) {
@@ -149,8 +219,8 @@ void smooth_cover(const WorkBox& box, const SurfaceDepth& depth, const Mask& chu
   const auto planes_of = [&](const auto& value) {
     return [&, value](int k, float* plane) {
       const std::size_t first = static_cast<std::size_t>(k) * area;
-      for (std::size_t v = 0; v < area; ++v)
-        plane[v] = cover.has(first + v) ? value(first + v) : 0.0f;
+      std::fill(plane, plane + area, 0.0f);
+      cover.for_each(first, first + area, [&](std::size_t v) { plane[v - first] = value(v); });
     };
   };
   BandField result(chunks);
@@ -181,8 +251,7 @@ UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const Sur
   under.cover = BandField(chunks);
 
   const double step = 0.5 * blur;
-  box.for_each([&](int i, int j, int k, std::size_t v) {
-    if (!under.plateau.has(v)) return;
+  for_each_of(box, under.plateau, [&](int i, int j, int k, std::size_t v) {
     under.plateau[v] = grey[v];
     if (!in_skin(v)) return;
     const Index3 index(i, j, k);
@@ -274,7 +343,7 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
   const auto above_border = [&](std::size_t v) {
     return (plateau.has(v) ? plateau[v] : grey[v]) - enamel_border(classes, depth[v], blur);
   };
-  const auto in_domain = [&](std::size_t v) { return depth[v] > -kReach; };
+  const auto in_domain = depth.above(-kReach);
   Mask metal = along.metal.metal;
   for (const MetalSurface::Voxel& v : along.metal.voxels) metal[v.at] = v.inside > 0;
   const bool has_pulp = !cavity.mask.empty(), has_metal = !metal.empty();
@@ -286,7 +355,7 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
   });
   // First in the solid alone, where an island can't hide behind its connection through the outside.
   clean_islands(
-      box, [&](std::size_t v) { return solid[v] != 0; }, cavity.mask, enamel);
+      box, [in = solid.data()](std::size_t v) { return in[v]; }, cavity.mask, enamel);
   clean_islands(box, in_domain, cavity.mask, enamel);
 
   // Potentials against dentin, whose own is zero.
@@ -359,8 +428,10 @@ AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std:
           find_thin_enamel(box, profiles, depth, level, classes, *sigma, noise, blur, kReach);
     }
   }
+  if (!classes.threshold_metal) return result;
   Mask domain(box.voxels());
-  for (std::size_t v = 0; v < domain.size(); ++v) domain[v] = depth[v] > -kReach;
+  const auto in_domain = depth.above(-kReach);
+  for (std::size_t v = 0; v < domain.size(); ++v) domain[v] = in_domain(v);
   result.metal = find_metal_surface(box, scan, grey, domain, classes, clip_of(seen, scan_voxels),
                                     result.sigma, blur);
   return result;

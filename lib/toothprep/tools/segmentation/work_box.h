@@ -14,6 +14,7 @@
 
 #include "toothprep/step/tooth/layered_tooth.h"
 #include "toothprep/tools/io/image_volume.h"
+#include "toothprep/tools/segmentation/band_field.h"
 #include "toothprep/tools/segmentation/signed_field.h"
 
 namespace toothprep {
@@ -41,6 +42,18 @@ struct WorkBox {
     });
   }
 };
+
+// work(i, j, k, offset) for every voxel that the field has, planes in parallel.
+template <class Work>
+void for_each_of(const WorkBox& box, const BandField& field, const Work& work) {
+  tbb::parallel_for(0, box.size.z(), [&](int k) {
+    for (int j = 0; j < box.size.y(); ++j) {
+      const std::size_t row = box.offset(0, j, k);
+      field.for_each(row, row + static_cast<std::size_t>(box.size.x()),
+                     [&](std::size_t v) { work(static_cast<int>(v - row), j, k, v); });
+    }
+  });
+}
 
 // The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels.
 // Its lattice's voxels lie side by side from the frame's zero: faces are multiples of `voxel`. Tells
