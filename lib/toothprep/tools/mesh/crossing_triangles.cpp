@@ -34,10 +34,11 @@ bool segment_crosses_in_plane(const Vec3& p, const Vec3& q, const std::array<Vec
   return true;
 }
 
-bool segment_crosses(const Vec3& p, const Vec3& q, const std::array<Vec3, 3>& t) {
-  const double above = volume(t[0], t[1], t[2], p), below = volume(t[0], t[1], t[2], q);
-  const Vec3 normal = (t[1] - t[0]).cross(t[2] - t[0]);
-  if (const double flat = kFlat * normal.norm(); std::abs(above) < flat && std::abs(below) < flat)
+// `normal`: of the triangle, twice its area long, and `flat` so much of it as its thickness is;
+// `above`, `below`: volume() of the triangle and p or q.
+bool segment_crosses(const Vec3& p, double above, const Vec3& q, double below,
+                     const std::array<Vec3, 3>& t, const Vec3& normal, double flat) {
+  if (std::abs(above) < flat && std::abs(below) < flat)
     return flat > 0 && segment_crosses_in_plane(p, q, t, normal.normalized());
   if (above * below > 0 || (above == 0 && below == 0)) return false;
   const std::array<double, 3> side = {volume(p, q, t[0], t[1]), volume(p, q, t[1], t[2]),
@@ -57,17 +58,22 @@ bool cross(const TriangleMesh& mesh, std::size_t a, std::size_t b) {
   for (int side = 0; side < 2; ++side) {
     const auto &own = mesh.triangles[triangle[side]], &other = mesh.triangles[triangle[1 - side]];
     const auto is_shared = [&](int k) {
-      return std::find(other.begin(), other.end(), own[k % 3]) != other.end();
+      return std::find(other.begin(), other.end(), own[k]) != other.end();
     };
     const int shared = is_shared(0) + is_shared(1) + is_shared(2);
-    const std::array<Vec3, 3>& t = at[1 - side];
-    const double flat = kFlat * (t[1] - t[0]).cross(t[2] - t[0]).norm();
+    if (shared > 1) continue;
+    const std::array<Vec3, 3>&p = at[side], &t = at[1 - side];
+    const Vec3 normal = (t[1] - t[0]).cross(t[2] - t[0]);
+    const double flat = kFlat * normal.norm();
+    std::array<double, 3> above;  // volume() of the other triangle and a vertex
+    for (int k = 0; k < 3; ++k) above[k] = normal.dot(p[k] - t[0]);
     for (int k = 0; k < 3; ++k) {
+      const int next = (k + 1) % 3;
       if (is_shared(k)) continue;
-      if (!is_shared(k + 1) && segment_crosses(at[side][k], at[side][(k + 1) % 3], t)) return true;
-      if (shared < 2 && std::abs(volume(t[0], t[1], t[2], at[side][k])) <= flat &&
-          distance_to_triangle(t, at[side][k]) < kFlat)
+      if (!is_shared(next) &&
+          segment_crosses(p[k], above[k], p[next], above[next], t, normal, flat))
         return true;
+      if (std::abs(above[k]) <= flat && distance_to_triangle(t, p[k]) < kFlat) return true;
     }
   }
   return false;
