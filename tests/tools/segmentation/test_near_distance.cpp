@@ -195,6 +195,22 @@ TEST(SurfaceDepth, AboveIsWhereTheDepthIsMore) {
   }
 }
 
+TEST(SurfaceDepth, KeepsWhatIsNearAndTheSideOfTheRest) {
+  Mask ball(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v)
+    ball[v] = (index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7)).norm() < 4.6;
+  const SurfaceDepth all(kSize, ball, 5);
+  SurfaceDepth near(kSize, ball, 5);
+  near.keep(1.5f, 2);
+  std::size_t given_up = 0;
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    given_up += near[v] != all[v];
+    EXPECT_TRUE(near[v] == all[v] ||
+                (all[v] >= 2 ? near[v] > 1e30f : all[v] <= -1.5f && near[v] < -1e30f));
+  }
+  EXPECT_GT(given_up, 100);
+}
+
 TEST(BandField, VisitsTheVoxelsThatItHas) {
   const BandField some(chunks_where(kVoxels, [](std::size_t v) { return v % 50 == 3; }));
   std::vector<std::size_t> visited;

@@ -131,12 +131,51 @@ SurfaceDepth::SurfaceDepth(const Index3& size, const Mask& mask, int reach) {
       depth_.push_back(0.5f + side * (squared > outermost.most_
                                           ? std::numeric_limits<float>::infinity()
                                           : std::sqrt(static_cast<float>(squared))));
-  code_ = std::move(outermost.squared_);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, code_.size()), [&](const auto& range) {
-    for (std::size_t v = range.begin(); v < range.end(); ++v)
-      code_[v] = static_cast<std::uint16_t>(std::min<std::uint16_t>(code_[v], codes - 1) +
-                                            (mask[v] ? 0 : codes));
+  Squares& all = outermost.squared_;
+  chunk_.resize((all.size() + kChunk - 1) / kChunk);
+  const auto far_inside = static_cast<std::uint16_t>(codes - 1),
+             far_outside = static_cast<std::uint16_t>(2 * codes - 1);
+  const auto end_of = [&](std::size_t c) { return std::min(all.size(), (c + 1) * kChunk); };
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, chunk_.size()), [&](const auto& range) {
+    for (std::size_t c = range.begin(); c < range.end(); ++c) {
+      bool inside = true, outside = true;
+      for (std::size_t v = c * kChunk; v < end_of(c); ++v) {
+        all[v] = static_cast<std::uint16_t>(std::min(all[v], far_inside) + (mask[v] ? 0 : codes));
+        inside &= all[v] == far_inside;
+        outside &= all[v] == far_outside;
+      }
+      chunk_[c] = outside ? kFarOutside : inside ? kFarInside : kNear;
+    }
   });
+  std::uint32_t count = kNear;
+  for (std::uint32_t& c : chunk_)
+    if (c == kNear) c = count++;
+  code_.assign(count * kChunk, far_outside);
+  std::fill_n(code_.begin() + kFarInside * kChunk, kChunk, far_inside);
+  for (std::size_t c = 0; c < chunk_.size(); ++c)
+    if (chunk_[c] >= kNear)
+      std::copy(all.data() + c * kChunk, all.data() + end_of(c), code_.data() + chunk_[c] * kChunk);
+}
+
+void SurfaceDepth::keep(float outside, float inside) {
+  std::uint32_t count = kNear;
+  for (std::uint32_t& c : chunk_) {
+    if (c < kNear) continue;
+    const std::uint16_t* codes = code_.data() + c * kChunk;
+    const auto all = [&](const auto& far) {
+      return std::all_of(codes, codes + kChunk, [&](std::uint16_t d) { return far(depth_[d]); });
+    };
+    if (all([&](float d) { return d <= -outside; })) {
+      c = kFarOutside;
+    } else if (all([&](float d) { return d >= inside; })) {
+      c = kFarInside;
+    } else {
+      std::copy_n(codes, kChunk, code_.data() + count * kChunk);
+      c = count++;
+    }
+  }
+  code_.resize(count * kChunk);
+  code_.shrink_to_fit();
 }
 
 }  // namespace toothprep

@@ -603,9 +603,10 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   ToothFields fields;
   AlongNormals along;
   {
-    const SurfaceDepth depth(box.size, rough, static_cast<int>(std::ceil(far_depth(blur) + 0.5)));
+    SurfaceDepth depth(box.size, rough, static_cast<int>(std::ceil(far_depth(blur) + 0.5)));
     Mask().swap(rough);
     BandField level = inward_level(box, depth, kReach, std::max(skin_depth(blur), kReach), blur);
+    depth.keep(kReach + 1, static_cast<float>(std::max(skin_depth(blur), kReach) + 1));
     along = look_along_normals(box, seen, frame.voxels(), grey, depth, level, classes, blur,
                                options.thin_enamel);
     if (report && options.keep_greys) report->greys = std::move(*seen.greys);

@@ -13,7 +13,7 @@
 namespace toothprep {
 namespace {
 
-// At the peak of the work, with a reserve (grey scans take 15); the time on two cores of 2.3 GHz.
+// At the peak of the work, with a reserve (grey scans take 12); the time on two cores of 2.3 GHz.
 constexpr double kBytesPerVoxel = 50, kSecondsPerVoxel = 4e-7;
 constexpr auto kBand = static_cast<float>(kBandVoxels);
 
