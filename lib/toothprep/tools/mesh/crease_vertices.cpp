@@ -276,17 +276,30 @@ void CreaseVertices::flip_folded(std::vector<std::size_t> folded, const LooksWel
   }
 }
 
+// `triangles`: in their order.
 CreaseVertices::Bad CreaseVertices::bad_among(const std::vector<std::size_t>& triangles,
                                               const Neighbours& neighbours,
                                               const LooksWell& looks_well) const {
-  Bad bad(triangles.size());
+  const auto place_of = [&](std::size_t t) {  // among those that changed, or their number
+    if (!is_changed(t)) return triangles.size();
+    const auto at = std::lower_bound(triangles.begin(), triangles.end(), t);
+    const bool found = at != triangles.end() && *at == t;
+    return static_cast<std::size_t>((found ? at : triangles.end()) - triangles.begin());
+  };
+  Bad bad(triangles.size()), crossed(triangles.size());
   tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t k) {
     const std::size_t t = triangles[k];
     if (!is_changed(t)) return;
     if (!looks_well(t, normal(mesh_.triangles[t]))) bad[k] = {t};
-    for (const std::size_t other : neighbours.of(t))
-      if (cross(mesh_, t, other)) bad[k].insert(bad[k].end(), {t, other});
+    for (const std::size_t other : neighbours.of(t)) {
+      const bool has_its_turn = other < t && place_of(other) < triangles.size();
+      if (!has_its_turn && cross(mesh_, t, other)) crossed[k].push_back(other);
+    }
   });
+  for (std::size_t k = 0; k < triangles.size(); ++k)
+    for (const std::size_t other : crossed[k])
+      for (const std::size_t at : {k, place_of(other)})
+        if (at < triangles.size()) bad[at].insert(bad[at].end(), {triangles[k], other});
   std::erase_if(bad, [](const auto& its) { return its.empty(); });
   return bad;
 }
