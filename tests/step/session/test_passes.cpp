@@ -125,12 +125,10 @@ Errors errors_of(const Passes& p, double voxel, double of_pass = 0.01, double of
   return e;
 }
 
-// And back through its own slot, upright or leant, a bur feels nothing; but for the inverted cone,
-// whose acute edge the lattice rounds: a leant one feels 0.26 % at 0.1 mm.
+// And back through its own slot, upright or leant, a bur feels nothing.
 void expect_right(const Passes& p, const Errors& e) {
   EXPECT_LT(e.beyond, 1) << p.bur << ", leant by " << p.across << ", " << p.along;
-  const bool acute = std::string(p.bur).starts_with("inverted-cone");
-  EXPECT_LT(e.back, acute ? 0.003 : 0.001) << p.bur << ", leant by " << p.across << ", " << p.along;
+  EXPECT_LT(e.back, 0.001) << p.bur << ", leant by " << p.across << ", " << p.along;
 }
 
 TEST(SweptSections, OfUprightBallsAndCylindersAreTheClosedForms) {
@@ -193,6 +191,77 @@ TEST(OverlappingPasses, BackThroughItsOwnSlotAnUprightBurFeelsNothing) {
     EXPECT_LT(errors_of({bur, 0.5, 0, 0, 2, {0}}, 0.1).back, 0.001) << bur;
     EXPECT_LT(errors_of({bur, 0.5, 0, 0, 2, {0}}, 0.05).back, 0.001) << bur;
   }
+}
+
+// Leant along its feed a flat-ended bur makes the slot's floor by its sharp edge alone, at any height
+// between the lattice's planes. What it feels on the way back is the lattice's error there: most cases
+// are within a thousandth of the cutting force, and it falls with the voxels.
+TEST(OverlappingPasses, BackThroughItsOwnSlotABurThatLeansAtAnyAngleFeelsNextToNothing) {
+  struct Found {
+    double mean = 0, worst = 0;
+  };
+  const auto found_at = [](double voxel) {
+    Found found;
+    int count = 0;
+    for (const char* bur : {"cylinder:D1.2xL3.0", "inverted-cone:D1.2xL1.6xA8"})
+      for (const double depth : {0.33, 0.8})
+        for (const double along : {-0.17, 0.03, 0.08, 0.16, 0.35}) {
+          const double back = errors_of({bur, depth, 0.05, along, 0.5, {0}}, voxel).back;
+          found.mean += back;
+          found.worst = std::max(found.worst, back);
+          ++count;
+        }
+    found.mean /= count;
+    std::printf("back through its own slot, %.2f mm: mean %.3f %%, worst %.3f %%\n", voxel,
+                100 * found.mean, 100 * found.worst);
+    return found;
+  };
+  const Found coarse = found_at(0.1), fine = found_at(0.05);
+  EXPECT_LT(coarse.mean, 0.002);
+  EXPECT_LT(coarse.worst, 0.004);
+  EXPECT_LT(fine.mean, 0.0002);
+  EXPECT_LT(fine.worst, 0.001);
+}
+
+// Layer upon layer: each pass 0.1 mm below the one before.
+TEST(OverlappingPasses, LayersOfALeaningFlatEndedBurTakeTheirEnergy) {
+  for (const double voxel : {0.1, 0.05})
+    for (const char* name : {"cylinder:D1.2xL3.0", "inverted-cone:D1.2xL1.6xA8"})
+      for (const double along : {0.0, 0.08, -0.08, 0.2}) {
+        const Bur bur = make_bur(name, "");
+        const LayeredTooth tooth = block(voxel, 2, Vec3(kLength, 3, 4));
+        Workpiece workpiece(tooth);
+        const Quat q = upright_leant(0.12, along);
+        HandleSample handle{0, Pose{Vec3(-kStart, -0.43, 0), q}, kPedalButton};
+        Session session(bur, workpiece, paper_without_stall(), Drive::kDirect, handle);
+        std::vector<Vec3> tips;
+        std::vector<double> work;
+        for (const double depth : {0.43, 0.53, 0.63}) {
+          handle.pose.position = Vec3(-kStart, -depth, 0);
+          handle.buttons = 0;
+          session.step(handle);
+          handle.buttons = kPedalButton;
+          const double before = session.totals().torque_work;
+          for (double x = -kStart; x <= kStart; x += 8e-3) {
+            handle.time += 1e-3;
+            handle.pose.position.x() = x;
+            session.step(handle);
+          }
+          work.push_back(session.totals().torque_work - before);
+          tips.emplace_back(0, -depth, 0);
+        }
+        const std::vector<PerTissue<double>> areas =
+            reference::newly_swept_sections(bur, q, tips, reference::Block{Vec3(kLength, 3, 4), 2});
+        const double slot = kLength * 300 * areas[0][0];
+        std::printf("%-28s leant %.2f, %.2f mm:", name, along, voxel);
+        for (std::size_t i = 0; i < work.size(); ++i) {
+          const double energy = kLength * 300 * areas[i][0];
+          std::printf("  %.4f (%+.2f %%)", work[i] / energy, 100 * (work[i] - energy) / slot);
+          EXPECT_NEAR(work[i], energy, (voxel > 0.07 ? 0.009 : 0.003) * slot)
+              << name << ", leant by " << along << ", " << voxel << ", layer " << i;
+        }
+        std::printf("\n");
+      }
 }
 
 TEST(OverlappingPasses, RestingOrTurningAboutItsOwnAxisInItsSlotABurFeelsNothing) {

@@ -17,7 +17,6 @@ constexpr float kRounding = 1e-6f;  // of the speed
 constexpr double kLookAhead = 0.8;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
-constexpr float kFlatEnd = 0.999f;  // cosine of an end's normal and the axis, at least
 // Motion along another direction (cosine) finds something else.
 constexpr float kSameDirection = 0.995f;
 
@@ -76,20 +75,21 @@ void ContactModel::add_element(std::size_t i) {
   }
 }
 
-// Which elements of a flat end lie at its sharp edge.
+// Which elements lie at a sharp edge.
 void ContactModel::note_edges(const Bur& bur) {
   const SurfaceElements& e = elements_;
-  beside_edge_.assign(e.size(), 0);
+  edge_.assign(e.size(), 0);
   const std::vector<ProfilePiece>& outline = bur.profile();
   for (std::size_t k = 1; k < outline.size(); ++k) {
     const ProfilePoint before = point_on(outline[k - 1], 1), after = point_on(outline[k], 0);
     const double turn = before.along_r * after.along_z - before.along_z * after.along_r;
     if (turn < kSharpEdge) continue;
     for (std::size_t i = 0; i < e.size(); ++i) {
-      const double r = static_cast<double>(e.radius[i]), z = static_cast<double>(e.z[i]);
-      if (std::abs(e.nz[i]) < kFlatEnd) continue;
-      if (std::hypot(r - after.r, z - after.z) < 1.1 * static_cast<double>(e.half_along[i]))
-        beside_edge_[i] = 1;
+      const double r = static_cast<double>(e.radius[i]);
+      const double to_r = after.r - r, to_z = after.z - static_cast<double>(e.z[i]);
+      if (std::hypot(to_r, to_z) > 1.1 * static_cast<double>(e.half_along[i])) continue;
+      const double along_r = (e.lx[i] * e.x[i] + e.ly[i] * e.y[i]) / r;
+      edge_[i] = to_r * along_r + to_z * e.lz[i] < 0 ? -1 : 1;
     }
   }
 }

@@ -128,7 +128,8 @@ struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
   float curvature_along, curvature_around;
-  float beside_edge;   // 1 at the sharp edge of a flat end, else 0
+  float edge;          // as of edge_
+  Int4 at_edge;        // -1: the piece lies at that edge
   Float4 ux, uy, uz;   // velocity, mm/s, B
   Float4 advance;      // v·n, mm/s
   Float4 ix, iy, iz;   // index of the sample, from the tip's voxel

@@ -21,13 +21,26 @@ constexpr float kParallel = 0.15f;
 // no more is asked for than this part of the depth at which fresh tissue is found.
 constexpr float kWallAtMost = 1.0f / 12;
 constexpr float kFresh = 0.5f;
-// The floor that the sharp edge of a flat end left stands out by more (voxels): where the end isn't
-// parallel to the motion the sub-poses of a sweep leave teeth, and the lattice rounds the corner.
-// It lies towards the edge, where the wall of an earlier cut beside the bur lies around the axis.
+// What a sharp edge left stands out by more (voxels): the lattice rounds corners, and inside of a bur
+// the distance from its nearest face rises more slowly than outside. It lies towards the edge, where
+// the wall of an earlier cut beside the bur lies around the axis.
 constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
+// The floor that it left ahead of the bur, likewise.
+constexpr float kFloorStandsOut = 0.08f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
+
+// How much lower a floor is that ends at the edge of pieces half_along mm long, mm of the field, whose
+// value and rise from the edge over half of a piece are given. It is told by its being thin: a chip
+// that is three times as thick as the floor stands out counts as a whole.
+Float4 floor_too_high(const Float4& value, const Float4& rise, float half_along, float voxel) {
+  const Float4 slope = greatest(rise, all4(kLeastExtent)) / half_along;
+  const Float4 thick = half_along - value / slope;
+  const float most = kFloorStandsOut * voxel;
+  const Float4 lower = greatest(least(1.5f * most - 0.5f * thick, all4(most)), Float4{});
+  return rise > 0 ? slope * lower : Float4{};
+}
 
 }  // namespace
 
@@ -41,7 +54,10 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   Lanes lanes;
   lanes.curvature_along = e.curvature_along[i];
   lanes.curvature_around = e.curvature_around[i];
-  lanes.beside_edge = beside_edge_[i];
+  lanes.edge = edge_[i];
+  // Squares lie two by two, the lower of each first.
+  const std::int32_t lower = strips || lanes.edge < 0 ? -1 : 0, upper = strips ? -1 : -1 - lower;
+  lanes.at_edge = lanes.edge == 0 ? Int4{} : Int4{lower, upper, lower, upper};
   const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
   lanes.speed = scan.turns ? u.norm() : scan.speed;
   lanes.unit = scan.turns ? scan.unit_of(u, lanes.speed) : scan.unit;
@@ -158,15 +174,18 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
                vt = (s.ux * tx + s.uy * ty) * per_speed;
   const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
   const Float4 towards_edge = range_along * range_along;
-  const Float4 at_edge =
-      s.beside_edge * towards_edge /
-      greatest(towards_edge + range_around * range_around, all4(kLeastExtent * kLeastExtent));
+  const Float4 of_edge = s.at_edge
+                             ? towards_edge / greatest(towards_edge + range_around * range_around,
+                                                       all4(kLeastExtent * kLeastExtent))
+                             : Float4{};
+  const bool sharp = s.edge != 0;
   const Float4 fresh = (kFresh * 0.5f * look * look) * bend +
-                       (kFresh * look * per_speed * s.beside_edge) * greatest(s.advance, Float4{}),
-               stands_out =
-                   all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * at_edge;
-  const Float4 hidden = least(least(value, back), surface);
-  const Int4 parallel = s.advance < (s.beside_edge > 0 ? kParallelAtEdge : kParallel) * s.speed;
+                       (sharp ? kFresh * look * per_speed : 0.0f) * greatest(s.advance, Float4{});
+  const Float4 stands_out =
+      all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge;
+  Float4 hidden = least(least(value, back), surface);
+  if (sharp) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, along, voxel);
+  const Int4 parallel = s.advance < (sharp ? kParallelAtEdge : kParallel) * s.speed;
   const CoveredPart<Float4> far =
       covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,
                            range_along, range_around);

@@ -21,6 +21,8 @@ constexpr std::size_t kDueWaypoints = 12;
 // Distance of sub-poses: half a voxel, and a little more, so that a cut that is due by a hair takes
 // two.
 constexpr double kSubPoseVoxels = 0.55;
+// Where a sharp edge cuts, nearer, so that the ridges between them are no higher than this.
+constexpr double kRidge = 0.03;  // voxels
 // Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
 // judged by their centre.
 constexpr int kBlockEdge = 4;
@@ -108,6 +110,7 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
       voxel_volume_(std::pow(workpiece.voxel(), 3)),
       arm_(std::hypot(bur.head_length(), bur.max_radius())),
       convex_(is_convex(bur.profile())),
+      ridges_(bur),
       sides_(bur, (kHalfBlock + kSubPoseVoxels) * workpiece.voxel(),
              (kBandVoxels + kHalfBlock + 1) * workpiece.voxel()),
       last_(pose),
@@ -195,9 +198,12 @@ void Removal::plan() noexcept {
 
 void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
   const double voxel = workpiece_.voxel();
-  const auto count =
-      static_cast<int>(std::clamp(std::ceil(displacement(from, to) / (kSubPoseVoxels * voxel)), 1.0,
-                                  static_cast<double>(kMaxSubPoses)));
+  const Vec3 way = to.orientation.conjugate() * (to.position - from.position);
+  const double ridge = way.squaredNorm() > 0 ? ridges_.height_per_step(way.normalized()) : 0;
+  const double spacing =
+      voxel * (ridge * kSubPoseVoxels > kRidge ? kRidge / ridge : kSubPoseVoxels);
+  const auto count = static_cast<int>(std::clamp(std::ceil(displacement(from, to) / spacing), 1.0,
+                                                 static_cast<double>(kMaxSubPoses)));
   sub_poses_.clear();
   for (int i = 1; i <= count; ++i) {
     const double t = static_cast<double>(i) / count;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
+#include "toothprep/step/grinding/edge_ridges.h"
 #include "toothprep/step/grinding/feed_sides.h"
 #include "toothprep/step/grinding/workpiece.h"
 
@@ -90,6 +91,7 @@ class Removal {
   double voxel_volume_;        // mm³
   double arm_;                 // mm, longest from the tip to a point of the head
   bool convex_;                // the head
+  EdgeRidges ridges_;          // of its sweeps
   FeedSides sides_;            // of blocks
   Pose last_;                  // where the last planned cut ended
   bool last_carved_ = false;   // there the head has cut, too

@@ -1,0 +1,41 @@
+#include "toothprep/step/grinding/edge_ridges.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace toothprep {
+namespace {
+
+constexpr double kSharp = 0.05;  // sine of the outline's turn, at least
+constexpr int kPlaces = 16;      // around half of an edge
+
+}  // namespace
+
+EdgeRidges::EdgeRidges(const Bur& bur) {
+  const std::vector<ProfilePiece>& outline = bur.profile();
+  for (std::size_t i = 1; i < outline.size(); ++i) {
+    if (!outline[i].grinds) continue;
+    const ProfilePoint a = point_on(outline[i - 1], 1), b = point_on(outline[i], 0);
+    if (a.along_r * b.along_z - a.along_z * b.along_r > kSharp)
+      edges_.push_back({a.along_z, -a.along_r, b.along_z, -b.along_r});
+  }
+}
+
+double EdgeRidges::height_per_step(const Vec3& along) const noexcept {
+  const double across = std::hypot(along.x(), along.y());
+  double highest = 0;
+  for (const Edge& e : edges_)
+    for (int i = 0; i <= kPlaces; ++i) {
+      const double outwards = across * (2.0 * i / kPlaces - 1);
+      // Sines of the angles between the motion and the faces.
+      const double before = e.before_r * outwards + e.before_z * along.z(),
+                   after = e.after_r * outwards + e.after_z * along.z();
+      if (before * after >= 0) continue;
+      const double a = std::min(std::abs(before), 1.0), b = std::min(std::abs(after), 1.0);
+      const double sum = a * std::sqrt(1 - b * b) + b * std::sqrt(1 - a * a);
+      if (sum > 0) highest = std::max(highest, a * b / sum);
+    }
+  return highest;
+}
+
+}  // namespace toothprep
