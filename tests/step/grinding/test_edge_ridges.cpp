@@ -1,11 +1,10 @@
 // Ridges of a swept edge against the triangle that its two faces and the step enclose.
-#include "toothprep/step/grinding/edge_ridges.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/grinding/edge_ridges.h"
 
 namespace toothprep {
 namespace {
@@ -20,8 +19,8 @@ TEST(EdgeRidges, AFlatEndThatLeansAlongItsFeedLeavesThoseOfARightAngle) {
 
 TEST(EdgeRidges, ThereAreNoneWhereNoEdgeIsLastToTouch) {
   const EdgeRidges cylinder(make_bur("cylinder:D1.2xL3.0", "")), ball(make_bur("ball:D1.2", ""));
-  EXPECT_EQ(cylinder.height_per_step(Vec3(1, 0, 0)), 0);     // sideways
-  EXPECT_EQ(cylinder.height_per_step(Vec3(0, 0, -1)), 0);    // plunged
+  EXPECT_EQ(cylinder.height_per_step(Vec3(1, 0, 0)), 0);   // sideways
+  EXPECT_EQ(cylinder.height_per_step(Vec3(0, 0, -1)), 0);  // plunged
   EXPECT_EQ(ball.height_per_step(Vec3(0.8, 0, 0.6)), 0);
 }
 

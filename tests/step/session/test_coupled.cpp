@@ -379,15 +379,22 @@ TEST(Determinism, TheSamePathGivesTheSameBits) {
 TEST(Coupled, ABurThatFliesOutOfAStretchedSpringRemovesNothingWithoutWork) {
   // Across an edge of the block, out of its side under a spring stretched by two millimetres: the
   // bur swings at half a metre a second, which is several voxels a step, and comes back to the
-  // wall. Work and removal still agree.
+  // wall. Work and removal still agree: of one such flight to 2.5 %, of several to 1.5 %, since how
+  // the bur meets the wall again differs from flight to flight.
   const Parameters p = paper_without_stall();
-  const Outcome r = run(block(0.1, 6, Vec3(5, 6, 5)), paper_cylinder(), p, Drive::kCoupled,
-                        straight_path({Vec3(-0.1, 0.8, -1.5), Vec3(5.4, -4.7, -1.5)}, 0.5));
-  double fastest = 0;
-  for (const StepRecord& row : r.rows) fastest = std::max(fastest, row.bur_velocity.norm());
-  EXPECT_GT(fastest, 200);
-  std::printf("fastest %.0f mm/s, energy ratio %.4f\n", fastest, r.energy_ratio(p));
-  EXPECT_NEAR(r.energy_ratio(p), 1, 0.02);
+  double mean = 0;
+  for (const double z : {-1.5, -1.47, -1.41, -1.33})
+    for (const double x : {-0.1, -0.17}) {
+      const Outcome r = run(block(0.1, 6, Vec3(5, 6, 5)), paper_cylinder(), p, Drive::kCoupled,
+                            straight_path({Vec3(x, 0.8, z), Vec3(x + 5.5, -4.7, z)}, 0.5));
+      double fastest = 0;
+      for (const StepRecord& row : r.rows) fastest = std::max(fastest, row.bur_velocity.norm());
+      EXPECT_GT(fastest, 200);
+      std::printf("fastest %.0f mm/s, energy ratio %.4f\n", fastest, r.energy_ratio(p));
+      EXPECT_NEAR(r.energy_ratio(p), 1, 0.025);
+      mean += r.energy_ratio(p) / 8;
+    }
+  EXPECT_NEAR(mean, 1, 0.015);
 }
 
 }  // namespace

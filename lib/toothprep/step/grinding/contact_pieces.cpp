@@ -26,6 +26,7 @@ constexpr float kFresh = 0.5f;
 // the wall of an earlier cut beside the bur lies around the axis.
 constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
+constexpr float kAcross = 10;  // over the sine from which on a motion is not along such a wall
 // The floor that it left ahead of the bur, likewise.
 constexpr float kFloorStandsOut = 0.08f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
@@ -174,18 +175,21 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
                vt = (s.ux * tx + s.uy * ty) * per_speed;
   const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
   const Float4 towards_edge = range_along * range_along;
-  const Float4 of_edge = s.at_edge
-                             ? towards_edge / greatest(towards_edge + range_around * range_around,
-                                                       all4(kLeastExtent * kLeastExtent))
-                             : Float4{};
-  const bool sharp = s.edge != 0;
-  const Float4 fresh = (kFresh * 0.5f * look * look) * bend +
-                       (sharp ? kFresh * look * per_speed : 0.0f) * greatest(s.advance, Float4{});
+  // What an edge left runs along the motion.
+  const Float4 across =
+      (kAcross * per_speed) * magnitude(there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
+  const Float4 of_edge = s.at_edge ? greatest(1 - across, Float4{}) * towards_edge /
+                                         greatest(towards_edge + range_around * range_around,
+                                                  all4(kLeastExtent * kLeastExtent))
+                                   : Float4{};
+  const Float4 fresh =
+      (kFresh * 0.5f * look * look) * bend +
+      (s.at_edge ? all4(kFresh * look * per_speed) : Float4{}) * greatest(s.advance, Float4{});
   const Float4 stands_out =
       all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge;
   Float4 hidden = least(least(value, back), surface);
-  if (sharp) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, along, voxel);
-  const Int4 parallel = s.advance < (sharp ? kParallelAtEdge : kParallel) * s.speed;
+  if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, along, voxel);
+  const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
   const CoveredPart<Float4> far =
       covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,
                            range_along, range_around);
