@@ -137,8 +137,7 @@ class ContactModel {
   ContactSet contact_;
   // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
-  std::vector<float>
-      edge_;  // at a sharp edge: which way along the profile it lies, 1 or -1; else 0
+  std::vector<float> edge_;  // which way along the profile a sharp edge lies at it: 1, -1, or 0
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each

@@ -26,7 +26,7 @@ constexpr float kFresh = 0.5f;
 // the wall of an earlier cut beside the bur lies around the axis.
 constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
-constexpr float kAcross = 10;  // over the sine from which on a motion is not along such a wall
+constexpr float kAcross = 10;             // 1 / sine from which on a motion isn't along it any more
 // The floor that it left ahead of the bur, likewise.
 constexpr float kFloorStandsOut = 0.08f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
