@@ -32,9 +32,9 @@ constexpr float kFloorStandsOut = 0.08f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
 
-// How much lower a floor is that ends at the edge of pieces half_along mm long, mm of the field, whose
-// value and rise from the edge over half of a piece are given. It is told by its being thin: a chip
-// that is three times as thick as the floor stands out counts as a whole.
+// By how much (mm of the field) the floor that a sharp edge left is too high at that edge, from the
+// field's value in the middle of pieces half_along mm long and its rise from the edge to the middle.
+// Only a thin chip can be such a floor: one three times as thick as it stands out counts as a whole.
 Float4 floor_too_high(const Float4& value, const Float4& rise, float half_along, float voxel) {
   const Float4 slope = greatest(rise, all4(kLeastExtent)) / half_along;
   const Float4 thick = half_along - value / slope;
