@@ -2,6 +2,7 @@
 // block, coupled drive, handle at 0.5 mm/s, at 0.1, 0.05 and 0.025 mm. Prints the median and the
 // 99th percentile of single steps (the thread's CPU time around each, so that other work on the
 // machine isn't counted; reading it adds some 0.2 µs) beside the mean of Google Benchmark.
+// Leaning: along the feed, so that the sweep's places lie nearer to one another (edge_ridges.h).
 //
 // Split: steps that go in parts, since the bur is fast. A live loop has half a millisecond for one
 // (split_step.h).
@@ -36,12 +37,15 @@ void print(benchmark::State& state, std::vector<double> times, const Bur& bur) {
       static_cast<double>(bur.elements(kPiecesAcross * kElementSize).size());
 }
 
+// `leant` along the feed, rad.
 void coupled_step(benchmark::State& state, const Bur& bur,
-                  const Parameters& parameters = preset_parameters("paper")) {
+                  const Parameters& parameters = preset_parameters("paper"), double leant = 0) {
   const double voxel = static_cast<double>(state.range(0)) / 1000;
   const double z = -bur.head_length() / 2;
   const LayeredTooth tooth = block(voxel, 8, Vec3(5, 8, 5));
   std::vector<HandleSample> path = straight_path({Vec3(0, -1, z), Vec3(0, -6, z)}, 0.5);
+  const Quat lean(Eigen::AngleAxisd(leant, Vec3::UnitX()));
+  for (HandleSample& sample : path) sample.pose.orientation = lean * sample.pose.orientation;
   std::vector<double> times;
   std::size_t contacts = 0;
   for (auto _ : state) {
@@ -118,11 +122,20 @@ void DroopingNonlinearBall(benchmark::State& state) {
   coupled_step(state, paper_ball(), nonlinear(true));
 }
 void Cylinder(benchmark::State& state) { coupled_step(state, paper_cylinder()); }
+void LeaningCylinder(benchmark::State& state) {
+  coupled_step(state, paper_cylinder(), preset_parameters("paper"), 0.2);
+}
 void Ball(benchmark::State& state) { coupled_step(state, paper_ball()); }
 void SplitCylinder(benchmark::State& state) { split_step(state, paper_cylinder()); }
 void SplitBall(benchmark::State& state) { split_step(state, paper_ball()); }
 
 BENCHMARK(Cylinder)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
+BENCHMARK(LeaningCylinder)
+    ->Arg(100)
+    ->Arg(50)
+    ->Arg(25)
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK(Ball)->Arg(100)->Arg(50)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(NonlinearCylinder)->Arg(100)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);
 BENCHMARK(NonlinearBall)->Arg(100)->Arg(25)->Iterations(1)->Unit(benchmark::kMillisecond);

@@ -7,7 +7,7 @@ namespace toothprep {
 namespace {
 
 constexpr double kSharp = 0.05;  // sine of the outline's turn, at least
-constexpr int kPlaces = 16;      // around half of an edge
+constexpr int kPlaces = 16;      // along an edge, from one side of the motion to the other
 
 }  // namespace
 

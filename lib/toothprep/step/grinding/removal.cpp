@@ -68,6 +68,11 @@ constexpr int block_of_row(int row) {
   return (row >> 6 & 1) << 2 | (row >> 3 & 1) << 1 | (row & 1);
 }
 
+// Of the tip, in B at the end, mm.
+Vec3 way_in_bur(const Pose& from, const Pose& to) {
+  return to.orientation.conjugate() * (to.position - from.position);
+}
+
 // In B, mm, of a point `p` voxels from the tip (W).
 Eigen::Vector3f place(const float* to_bur, const Eigen::Vector3f& p) noexcept {
   const float* m = to_bur;
@@ -198,7 +203,7 @@ void Removal::plan() noexcept {
 
 void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
   const double voxel = workpiece_.voxel();
-  const Vec3 way = to.orientation.conjugate() * (to.position - from.position);
+  const Vec3 way = way_in_bur(from, to);
   const double ridge = way.squaredNorm() > 0 ? ridges_.height_per_step(way.normalized()) : 0;
   const double spacing =
       voxel * (ridge * kSubPoseVoxels > kRidge ? kRidge / ridge : kSubPoseVoxels);
@@ -227,7 +232,7 @@ void Removal::plan_sides(const Pose& from, const Pose& to) noexcept {
   by_sides_ = one_least_ && step <= kSubPoseVoxels * voxel * (1 + 1e-6);
   from_carved_ = last_carved_;
   if (!by_sides_) return;
-  const Vec3 way = to.orientation.conjugate() * (to.position - from.position);
+  const Vec3 way = way_in_bur(from, to);
   const double turn = from.orientation.angularDistance(to.orientation);
   const double arm = arm_ + way.norm() + (kBandVoxels + 2 * kHalfBlock) * voxel;
   motion_.x = static_cast<float>(way.x());
