@@ -2,10 +2,12 @@
 
 Usage: make_foreign_files.py TRACE.h5 FOLDER. Writes good_*.h5 (to be read as trajectories) and
 bad_*.h5 into FOLDER, and expected.txt: per line a bad file's name, which reader must refuse it (trace
-or trajectory), and a part of the error.
+or trajectory), and a part of the error; and same_*.h5, the trace stored in other ways, named by
+same.txt, a line each.
 """
 import shutil
 import sys
+import zlib
 
 import h5py
 import numpy as np
@@ -227,6 +229,78 @@ def scramble(f):
 
 
 bad("chunk", "/force/grinding: cannot be read: the file is damaged", scramble, "trace")
+
+
+def repacked(change, name="force/grinding"):
+    """Gives the only chunk of a dataset the packed bytes that `change` makes of its own."""
+    def do(f):
+        d = f[name].id
+        mask, packed = d.read_direct_chunk((0, 0))
+        d.write_direct_chunk((0, 0), change(packed), mask)
+    return do
+
+
+for name, change in (("cut", lambda packed: packed[:len(packed) // 2]),
+                     ("sum", lambda packed: packed[:-1] + bytes([packed[-1] ^ 1])),
+                     ("head", lambda packed: b"\x79" + packed[1:]),
+                     ("empty", lambda packed: b"\x78")):
+    bad("chunk_" + name, "/force/grinding: cannot be read: the file is damaged", repacked(change), "trace")
+
+same_files = open(folder + "/same.txt", "w")
+
+
+def same(name, store, **options):
+    """The trace with its datasets made by `store`; no reader may notice."""
+    with h5py.File(trace, "r") as a, h5py.File(f"{folder}/same_{name}.h5", "w", **options) as b:
+        for key, value in a.attrs.items():
+            b.attrs[key] = value
+
+        def copy(path, given):
+            if isinstance(given, h5py.Dataset):
+                d = store(b, path, given[()])
+                for key, value in given.attrs.items():
+                    d.attrs[key] = value
+        a.visititems(copy)
+    same_files.write(f"same_{name}.h5\n")
+
+
+def packed(rows=None, columns=None, **options):
+    def store(f, path, data):
+        chunk = (rows or len(data),) + tuple(min(w, columns or w) for w in data.shape[1:])
+        return f.create_dataset(path, data=data, chunks=chunk, **{"compression": "gzip", "shuffle": True, **options})
+    return store
+
+
+def growing(f, path, data):
+    return packed(rows=5000, maxshape=(None,) + data.shape[1:])(f, path, data)
+
+
+def unpacked_chunk(f, path, data):
+    d = packed()(f, path, data)
+    d.id.write_direct_chunk((0,) * data.ndim, data.tobytes(), filter_mask=3)
+    return d
+
+
+def longer_chunk(f, path, data):
+    d = packed(shuffle=False)(f, path, data)
+    d.id.write_direct_chunk((0,) * data.ndim, zlib.compress(data.tobytes() + b"\0" * 100))
+    return d
+
+
+same("contiguous", lambda f, path, data: f.create_dataset(path, data=data))
+same("small_chunks", packed(rows=300))
+same("one_large_chunk", growing)
+same("columns_apart", packed(rows=300, columns=1))
+same("no_shuffle", packed(rows=300, shuffle=False))
+same("no_gzip", packed(rows=300, compression=None))
+same("fletcher", packed(rows=300, fletcher32=True))
+same("big_endian", lambda f, path, data: packed(rows=300)(f, path, data.astype(data.dtype.newbyteorder(">"))))
+same("wide_integers", lambda f, path, data: packed(rows=300)(f, path, data.astype("i8") if data.dtype.kind == "u" else data))
+same("user_block", packed(rows=300), userblock_size=512)
+same("new_format", packed(rows=300), libver="latest")
+same("unpacked_chunk", unpacked_chunk)
+same("longer_chunk", longer_chunk)
+same_files.close()
 
 # A tissue order of its own is no damage.
 shutil.copy(trace, folder + "/good_order.h5")

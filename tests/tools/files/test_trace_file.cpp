@@ -43,31 +43,6 @@ class TraceFile : public ::testing::Test {
       ::testing::TempDir() + "toothprep_trace2_" + std::to_string(getpid()) + ".h5";
 };
 
-void expect_same_rows(const Trace& a, const Trace& b) {
-  ASSERT_EQ(a.rows.size(), b.rows.size());
-  for (std::size_t i = 0; i < a.rows.size(); ++i) {
-    const StepRecord &x = a.rows[i], &y = b.rows[i];
-    ASSERT_EQ(x.handle.time, y.handle.time);
-    ASSERT_EQ(x.handle.pose.position, y.handle.pose.position);
-    ASSERT_EQ(x.handle.pose.orientation.coeffs(), y.handle.pose.orientation.coeffs());
-    ASSERT_EQ(x.handle.buttons, y.handle.buttons);
-    ASSERT_EQ(x.bur.position, y.bur.position);
-    ASSERT_EQ(x.bur.orientation.coeffs(), y.bur.orientation.coeffs());
-    ASSERT_EQ(x.bur_velocity, y.bur_velocity);
-    ASSERT_EQ(x.grinding_force, y.grinding_force);
-    ASSERT_EQ(x.device_force, y.device_force);
-    ASSERT_EQ(x.torque, y.torque);
-    ASSERT_EQ(x.torque_trial, y.torque_trial);
-    ASSERT_DOUBLE_EQ(x.power, y.power);  // N.mm/s against W: a conversion rounds
-    ASSERT_EQ(x.rotation_rate, y.rotation_rate);
-    ASSERT_EQ(x.stalled, y.stalled);
-    ASSERT_EQ(x.stalled_fraction, y.stalled_fraction);
-    ASSERT_EQ(x.contact_area, y.contact_area);
-    ASSERT_EQ(x.removed_volume, y.removed_volume);
-    ASSERT_EQ(x.shank_contact_area, y.shank_contact_area);
-  }
-}
-
 TEST_F(TraceFile, EveryFieldComesBackBitForBit) {
   Trace trace = synthetic_trace(20000);  // several chunks, the last one partial
   for (std::size_t i = 0; i < trace.rows.size(); ++i)

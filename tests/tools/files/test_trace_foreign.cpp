@@ -93,6 +93,16 @@ TEST_F(ForeignPrograms, FilesOfH5pyAreReadAndDamagedOnesRefusedByName) {
   EXPECT_EQ(b.contact_area[1], a.contact_area[1]);
   EXPECT_EQ(b.handle.buttons, kPedalButton);
 
+  std::ifstream same(at("same.txt"));
+  int ways = 0;
+  for (std::string name; std::getline(same, name); ++ways) {
+    SCOPED_TRACE(name);
+    expect_same_rows(read_trace(at(name)), own);
+    expect_same_rows(read_trace(at(name), ReadPolicy::kDirect), own);
+    EXPECT_EQ(read_h5_trajectory(at(name)).samples.size(), own.rows.size());
+  }
+  EXPECT_GT(ways, 10);
+
   std::ifstream expected(at("expected.txt"));
   int files = 0;
   for (std::string name, reader, part;

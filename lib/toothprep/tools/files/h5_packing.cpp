@@ -3,8 +3,12 @@
 #include <libdeflate.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cerrno>
 #include <cstdint>
 #include <memory>
 #include <new>
@@ -82,6 +86,65 @@ class Packer {
   std::size_t at_ = 0;  // where the next byte goes
 };
 
+class Unpacker {
+ public:
+  Unpacker(int file, std::size_t width, std::size_t chunk_size)
+      : decompressor_(libdeflate_alloc_decompressor(), libdeflate_free_decompressor),
+        file_(file),
+        width_(width),
+        shuffled_(chunk_size) {
+    if (!decompressor_) throw std::bad_alloc();
+  }
+
+  // Its first `count` values; false if it can't be unpacked.
+  bool unpack(const ChunkPlaces::Place& place, std::size_t count, double* values) {
+    packed_.resize(place.size);
+    if (!read(place.at) || libdeflate_zlib_decompress(
+                               decompressor_.get(), packed_.data(), packed_.size(),
+                               shuffled_.data(), shuffled_.size(), nullptr) != LIBDEFLATE_SUCCESS)
+      return false;
+    if (width_ == 8)
+      put<std::uint64_t>(count, values);
+    else if (width_ == 4)
+      put<std::uint32_t>(count, values);
+    else
+      put<std::uint8_t>(count, values);
+    return true;
+  }
+
+ private:
+  bool read(std::uint64_t at) {
+    for (std::size_t done = 0; done < packed_.size();) {
+      const ssize_t n =
+          pread(file_, packed_.data() + done, packed_.size() - done, static_cast<off_t>(at + done));
+      if (n == 0 || (n < 0 && errno != EINTR)) return false;
+      if (n > 0) done += static_cast<std::size_t>(n);
+    }
+    return true;
+  }
+
+  // Bits: an integer of a value's size.
+  template <class Bits>
+  void put(std::size_t count, double* values) const {
+    const std::size_t plane = shuffled_.size() / sizeof(Bits);
+    for (std::size_t i = 0; i < count; ++i) {
+      Bits bits = 0;
+      for (std::size_t byte = 0; byte < sizeof(Bits); ++byte)
+        bits =
+            static_cast<Bits>(bits | static_cast<Bits>(shuffled_[byte * plane + i]) << (8 * byte));
+      if constexpr (sizeof(Bits) == sizeof(double))
+        values[i] = std::bit_cast<double>(bits);
+      else
+        values[i] = bits;
+    }
+  }
+
+  std::unique_ptr<libdeflate_decompressor, void (*)(libdeflate_decompressor*)> decompressor_;
+  int file_;
+  std::size_t width_;
+  std::vector<unsigned char> packed_, shuffled_;
+};
+
 }  // namespace
 
 std::vector<std::vector<char>> packed_chunks(const void* data, std::size_t size, std::size_t width,
@@ -98,6 +161,27 @@ std::vector<std::vector<char>> packed_chunks(const void* data, std::size_t size,
     });
   });
   return chunks;
+}
+
+std::optional<std::vector<double>> unpacked_values(int file, const ChunkPlaces& chunks,
+                                                   std::size_t count, bool alone) {
+  std::vector<double> values(count);
+  const std::size_t each = chunks.chunk_size / chunks.width;
+  std::atomic<bool> good{true};
+  const auto unpack = [&](const tbb::blocked_range<std::size_t>& range) {
+    Unpacker unpacker(file, chunks.width, chunks.chunk_size);
+    for (std::size_t i = range.begin(); i < range.end() && good; ++i)
+      if (!unpacker.unpack(chunks.places[i], std::min(each, count - i * each),
+                           values.data() + i * each))
+        good = false;
+  };
+  const tbb::blocked_range<std::size_t> all(0, chunks.places.size());
+  if (alone)
+    unpack(all);
+  else  // isolated as above
+    tbb::this_task_arena::isolate([&] { tbb::parallel_for(all, unpack); });
+  if (!good) return {};
+  return values;
 }
 
 }  // namespace toothprep::h5

@@ -25,11 +25,39 @@ constexpr std::size_t kBytesPerRow = 2000;     // of a recording, with what read
 constexpr unsigned kReadAttempts = 22;         // of a block of a growing file: some 4 ms
 constexpr hsize_t kLargestChunk = 256u << 20;  // bytes, which HDF5 allocates to read one
 
+// More than a packed chunk of so many bytes ever takes.
+constexpr hsize_t most_packed(hsize_t bytes) { return 2 * bytes + 1024; }
+
 // Nothing that a file names is fetched from elsewhere: links to other files lead nowhere, and no
 // filter is loaded as a plug-in.
 void stay_in_the_file() {
   H5Lunregister(H5L_TYPE_EXTERNAL);
   H5PLset_loading_state(0);
+}
+
+// Whether values of `width` bytes are stored in chunks that went through shuffle and deflate.
+bool packed_as_here(hid_t creation, std::size_t width) {
+  if (H5Pget_layout(creation) != H5D_CHUNKED || H5Pget_nfilters(creation) != 2) return false;
+  const auto filter = [&](unsigned i, unsigned& setting) {
+    unsigned flags = 0, settings = 0;
+    std::size_t values = 1;
+    return H5Pget_filter(creation, i, &flags, &values, &setting, 0, nullptr, &settings);
+  };
+  unsigned shuffled = 0, level = 0;
+  return filter(0, shuffled) == H5Z_FILTER_SHUFFLE && shuffled == width &&
+         filter(1, level) == H5Z_FILTER_DEFLATE;
+}
+
+// The descriptor of a file that HDF5 reads byte by byte as it lies on the disk; -1 of another.
+int descriptor_of(hid_t file) {
+  const Handle access(H5Fget_access_plist(file), H5Pclose);
+  const Handle creation(H5Fget_create_plist(file), H5Pclose);
+  hsize_t before = 0;  // bytes of someone else, which addresses don't count
+  void* descriptor = nullptr;
+  if (H5Pget_driver(access.get()) != H5FD_SEC2 || H5Pget_userblock(creation.get(), &before) < 0 ||
+      before != 0 || H5Fget_vfd_handle(file, access.get(), &descriptor) < 0 || !descriptor)
+    return -1;
+  return *static_cast<int*>(descriptor);
 }
 
 std::string shape_text(const std::vector<std::uint64_t>& size) {
@@ -40,7 +68,8 @@ std::string shape_text(const std::vector<std::uint64_t>& size) {
 
 }  // namespace
 
-void try_parsing(const std::string& path, const std::function<void(Reader&)>& parse) {
+void try_parsing(const std::string& path, Unpacking unpacking,
+                 const std::function<void(Reader&)>& parse) {
   std::error_code error;
   std::uintmax_t known =
       std::filesystem::file_size(path, error);  // bytes, as far as they count here
@@ -48,7 +77,7 @@ void try_parsing(const std::string& path, const std::function<void(Reader&)>& pa
   const auto failure = failure_in_trial(
       [&] {
         limit_trial(kTrialSeconds, kTrialMemory);
-        Reader in(path, true);
+        Reader in(path, unpacking, true);
         parse(in);
       },
       static_cast<unsigned>(20 + (known >> 20)),  // s: a slow disk reads 1 MB/s
@@ -121,7 +150,8 @@ OpenFile open_to_read(const std::string& path) {
   return opened;
 }
 
-Reader::Reader(const std::string& path, bool trial) : path_(path), trial_(trial) {
+Reader::Reader(const std::string& path, Unpacking unpacking, bool trial)
+    : path_(path), unpacking_(unpacking), trial_(trial) {
   regular_file_size(path);
   stay_in_the_file();
   if (H5Fis_hdf5(path.c_str()) <= 0)
@@ -135,6 +165,7 @@ Reader::Reader(const std::string& path, bool trial) : path_(path), trial_(trial)
   // A recorder that was stopped early closes its file, and says that it isn't complete. Asked first:
   // what is written at the end of a session is there if it is, and may be half written if not.
   complete_ = number("complete") == 1.0;
+  if (!shared_) descriptor_ = descriptor_of(file_.get());
   growing_ = growing_ || (number("live").value_or(0) == 1 && number("complete") == 0.0);
 }
 
@@ -255,6 +286,12 @@ std::vector<double> Reader::values_of(const Set& set) const {
   // Rows count once /time was read: its values increase, so they are there.
   limit_trial(kTrialSeconds + kSecondsPerValue * static_cast<double>(total),
               kTrialMemory + kBytesPerRow * proven_rows_);
+  if (const auto chunks = chunk_places(set)) {
+    // A child has none of TBB's threads.
+    if (auto values = unpacked_values(descriptor_, *chunks, total, trial_))
+      return *std::move(values);
+    if (!trial_) throw CannotUnpack();
+  }
   std::vector<double> values(total);
   Handle stored, memory;  // neither: all
   if (set.rows != *rows_) {
@@ -270,6 +307,41 @@ std::vector<double> Reader::values_of(const Set& set) const {
               stored ? stored.get() : H5S_ALL, H5P_DEFAULT, values.data()) < 0)
     refuse(set.name, "cannot be read: the file is damaged", remedy());
   return values;
+}
+
+// Nothing unless all rows are stored as Writer stores them.
+std::optional<ChunkPlaces> Reader::chunk_places(const Set& set) const {
+  if (unpacking_ == Unpacking::kByHdf5 || descriptor_ < 0 || set.rows != *rows_) return {};
+  const Handle type(H5Dget_type(set.handle.get()), H5Tclose);
+  ChunkPlaces chunks;
+  for (const hid_t known : {H5T_IEEE_F64LE, H5T_STD_U32LE, H5T_STD_U8LE})
+    if (H5Tequal(type.get(), known) > 0) chunks.width = H5Tget_size(known);
+  const Handle creation(H5Dget_create_plist(set.handle.get()), H5Pclose);
+  if (chunks.width == 0 || !packed_as_here(creation.get(), chunks.width)) return {};
+  const std::vector<std::uint64_t> size = extent(set);
+  hsize_t chunk[H5S_MAX_RANK] = {};
+  if (H5Pget_chunk(creation.get(), H5S_MAX_RANK, chunk) != static_cast<int>(size.size()) ||
+      (size.size() > 1 && chunk[1] != size[1]))
+    return {};
+  chunks.chunk_size = chunks.width * chunk[0] * (size.size() > 1 ? chunk[1] : 1);
+  const std::uint64_t end = regular_file_size(path_);
+  hsize_t first[H5S_MAX_RANK] = {};
+  for (; first[0] < size[0]; first[0] += chunk[0]) {
+    unsigned filters = 0;
+    haddr_t at = 0;
+    hsize_t length = 0;
+    if (H5Dget_chunk_info_by_coord(set.handle.get(), first, &filters, &at, &length) < 0 ||
+        filters != 0 || at > end || length == 0 || length > end - at ||
+        length > most_packed(chunks.chunk_size))
+      return {};
+    chunks.places.push_back({at, length});
+  }
+  return chunks;
+}
+
+std::vector<double> Reader::read_unless_trial(const Set& set) const {
+  if (trial_ && chunk_places(set)) return {};
+  return read(set);
 }
 
 std::vector<double> Reader::read(const Set& set) const {

@@ -16,6 +16,7 @@
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/geometry.h"
+#include "toothprep/tools/files/h5_packing.h"
 #include "toothprep/tools/files/hdf5_handle.h"
 #include "toothprep/tools/io/read_policy.h"
 
@@ -28,9 +29,16 @@ struct OpenFile {
 };
 OpenFile open_to_read(const std::string& path);
 
+// Who unpacks chunks that are packed as Writer does: HDF5, or h5_packing.h.
+enum class Unpacking { kByHdf5, kHere };
+
+// A chunk that h5_packing.h can't unpack: HDF5 has to tell what is wrong with it, after a trial.
+struct CannotUnpack {};
+
 class Reader {
  public:
-  explicit Reader(const std::string& path, bool trial = false);
+  explicit Reader(const std::string& path, Unpacking unpacking = Unpacking::kByHdf5,
+                  bool trial = false);
 
   // Opened by a child process that finds out whether HDF5 can read the file (read_with_care): what
   // is made of the values is lost, so they needn't be put together.
@@ -67,8 +75,11 @@ class Reader {
   // always counts, that of all once the recording is complete. To be called last: rows are known.
   void verify_checksums() const;
 
-  // All values, finite.
+  // All values, finite. May throw CannotUnpack, but not in a trial.
   std::vector<double> read(const Set& set) const;
+
+  // The same; in a trial none where HDF5 only has to find the chunks, not to unpack them.
+  std::vector<double> read_unless_trial(const Set& set) const;
 
   // A dataset that has rows of its own, perhaps none.
   std::vector<double> read_table(const std::string& name, const char* unit, int width);
@@ -90,6 +101,7 @@ class Reader {
 
  private:
   std::vector<double> values_of(const Set& set) const;
+  std::optional<ChunkPlaces> chunk_places(const Set& set) const;
   void check_type(const Set& set) const;
   std::vector<std::uint64_t> extent(const Set& set) const;
   std::uint64_t check_shape(Set& set, const std::vector<std::uint64_t>& size,
@@ -110,10 +122,12 @@ class Reader {
   std::string remedy() const;
 
   std::string path_;
+  Unpacking unpacking_;
   bool trial_;
   Handle file_;
   bool growing_ = false, complete_ = false;
   bool shared_ = false;  // opened as SWMR readers do
+  int descriptor_ = -1;  // HDF5's; none: only HDF5 knows where its bytes are
   std::optional<std::size_t> rows_;
   std::size_t proven_rows_ = 0;
 };
@@ -128,7 +142,8 @@ std::vector<std::string> object_names(Id file);
 std::uint64_t rows_within(Id dataset, std::uint64_t bytes);
 
 // Lets a child process parse the file; throws InputError if that fails.
-void try_parsing(const std::string& path, const std::function<void(Reader&)>& parse);
+void try_parsing(const std::string& path, Unpacking unpacking,
+                 const std::function<void(Reader&)>& parse);
 
 // Whether all of a file is looked at, checksums too, or just what tells its kind.
 enum class Extent { kWhole, kGlance };
@@ -137,7 +152,8 @@ enum class Extent { kWhole, kGlance };
 // references blindly: it crashes, loops or takes gigabytes. So, unless the policy is kDirect, a
 // child process parses the file first, and only what came through there is parsed here. The child
 // may take half a second of CPU time for what is no data, and as much more for data as the rows need
-// that were found so far (Reader::read).
+// that were found so far (Reader::read). What HDF5 does here it has done there: where chunks lie is
+// found in both, and if they can't be unpacked here, all begins anew with HDF5 unpacking them in both.
 template <class Parse>
 auto read_with_care(const std::string& path, ReadPolicy policy, Parse parse,
                     Extent extent = Extent::kWhole) {
@@ -148,9 +164,16 @@ auto read_with_care(const std::string& path, ReadPolicy policy, Parse parse,
     if (extent == Extent::kWhole) in.verify_checksums();
     return result;
   };
-  if (policy == ReadPolicy::kTrial) try_parsing(path, parse_and_verify);
-  Reader in(path);
-  return policy == ReadPolicy::kTrial ? parse(in) : parse_and_verify(in);
+  const auto read = [&](Unpacking unpacking) {
+    if (policy == ReadPolicy::kTrial) try_parsing(path, unpacking, parse_and_verify);
+    Reader in(path, unpacking);
+    return policy == ReadPolicy::kTrial ? parse(in) : parse_and_verify(in);
+  };
+  try {
+    return read(Unpacking::kHere);
+  } catch (const CannotUnpack&) {
+    return read(Unpacking::kByHdf5);
+  }
 }
 
 }  // namespace toothprep::h5

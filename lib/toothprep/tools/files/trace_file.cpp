@@ -113,7 +113,7 @@ void read_body_areas(Reader& in, Trace& trace) {
   if (trace.bodies.empty() || !in.has(kBodyAreaName)) return;
   const auto width = trace.bodies.size();
   const std::vector<double> values =
-      in.read(in.open(kBodyAreaName, "mm^2", static_cast<int>(width), false));
+      in.read_unless_trial(in.open(kBodyAreaName, "mm^2", static_cast<int>(width), false));
   for (std::size_t i = 0; i < trace.rows.size(); ++i)
     set_body_areas(trace.rows[i], trace.bodies, values.data() + i * width);
 }
@@ -127,7 +127,7 @@ bool is_quantity_that_needs_its_unit(const std::string& dataset) {
 std::vector<Vec3> forces(Reader& reader, const char* dataset) {
   std::vector<Vec3> force;
   if (!reader.has(dataset)) return force;
-  const std::vector<double> values = reader.read(reader.open(dataset, "N", 3, true));
+  const std::vector<double> values = reader.read_unless_trial(reader.open(dataset, "N", 3, true));
   force.reserve(values.size() / 3);
   for (std::size_t i = 0; i < values.size(); i += 3)
     force.emplace_back(values[i], values[i + 1], values[i + 2]);
@@ -141,36 +141,39 @@ Trajectory parse_trajectory(Reader& in) {
   const std::vector<double> time = in.read_time();
   if (time.size() < 2) in.refuse("/time", "holds fewer than two samples", "record a motion");
   if (!in.has("/handle/position")) in.refuse("/handle/position", "is missing");
-  const std::vector<double> position = in.read(in.open("/handle/position", "mm", 3, true));
+  const std::vector<double> position =
+      in.read_unless_trial(in.open("/handle/position", "mm", 3, true));
   Trajectory trajectory;
   trajectory.unfinished = in.growing();
   trajectory.rows_every = read_rows_every(in);
-  trajectory.samples.resize(time.size());
-  for (std::size_t i = 0; i < time.size(); ++i) {
+  if (!in.trial()) trajectory.samples.resize(time.size());
+  for (std::size_t i = 0; i < trajectory.samples.size(); ++i) {
     trajectory.samples[i].time = time[i];
     trajectory.samples[i].pose.position = Eigen::Map<const Vec3>(position.data() + 3 * i);
   }
   const std::string orientation = "/handle/orientation", buttons = "/handle/buttons";
   if (in.has(orientation)) {
-    const std::vector<double> q = in.read(in.open(orientation, "1", 4, false));
-    for (std::size_t i = 0; i < time.size(); ++i)
+    const std::vector<double> q = in.read_unless_trial(in.open(orientation, "1", 4, false));
+    for (std::size_t i = 0; i < trajectory.samples.size(); ++i)
       trajectory.samples[i].pose.orientation = in.quaternion(orientation, i, q.data() + 4 * i);
   }
   if (in.has(buttons)) {
-    const std::vector<double> b = in.read(in.open(buttons, "1", 1, false));
-    for (std::size_t i = 0; i < time.size(); ++i)
+    const std::vector<double> b = in.read_unless_trial(in.open(buttons, "1", 1, false));
+    for (std::size_t i = 0; i < trajectory.samples.size(); ++i)
       trajectory.samples[i].buttons =
           static_cast<std::uint32_t>(in.whole_number(buttons, i, b[i], 0, kMostButtons));
   }
   if (in.has(kRejected)) {
-    const std::vector<double> rejected = in.read(in.open(kRejected, "1", 1, false));
-    for (std::size_t i = 0; i < time.size(); ++i)
+    const std::vector<double> rejected = in.read_unless_trial(in.open(kRejected, "1", 1, false));
+    for (std::size_t i = 0; i < trajectory.samples.size(); ++i)
       trajectory.samples[i].rejected = in.whole_number(kRejected, i, rejected[i], 0, 1) != 0;
   }
   trajectory.measured_force = forces(in, kMeasured);
   const std::vector<Vec3> load = forces(in, kApplied);
   trajectory.loaded = !load.empty();
-  for (std::size_t i = 0; i < load.size(); ++i) trajectory.samples[i].load = load[i];
+  if (!load.empty())
+    for (std::size_t i = 0; i < trajectory.samples.size(); ++i)
+      trajectory.samples[i].load = load[i];
   trajectory.events = read_events(in, time.back());
   return trajectory;
 }
@@ -244,7 +247,7 @@ Trace parse_trace(Reader& in) {
   }
   if (!in.trial()) trace.rows.resize(time.size());
   for (const auto& [column, set] : sets) {
-    const std::vector<double> values = in.read(set);
+    const std::vector<double> values = in.read_unless_trial(set);
     const auto width = static_cast<std::size_t>(set.width);
     for (std::size_t i = 0; i < trace.rows.size(); ++i) {
       const double* v = values.data() + i * width;
