@@ -119,8 +119,9 @@ std::vector<float> undercut_marks(const Assessment& assessment) {
 
 using Progress = std::function<void(const std::string& stage, double done)>;
 
-std::vector<PagePicture> pictures_of(const Studio& studio, const Renderer& prepared,
-                                     const Assessment& assessment, const Progress& progress) {
+std::vector<PagePicture> pictures_of(const Studio& studio, RenderPart original,
+                                     const Renderer& prepared, const Assessment& assessment,
+                                     const Progress& progress) {
   const double all = 4 + (assessment.deviation ? 2 : 0) +
                      (assessment.preparation.undercut_triangles.empty() ? 0 : 1) + 1;
   std::vector<PagePicture> pictures;
@@ -129,7 +130,7 @@ std::vector<PagePicture> pictures_of(const Studio& studio, const Renderer& prepa
     pictures.push_back({caption, png_bytes(picture)});
     if (progress) progress("drawing the report", static_cast<double>(pictures.size()) / all);
   };
-  add("Before, from the occlusal", studio.draw(Studio::scene_of(studio.original()), "occlusal"));
+  add("Before, from the occlusal", studio.draw(Studio::scene_of(std::move(original)), "occlusal"));
   add("After, from the occlusal", studio.draw(prepared, "occlusal"));
   add("After, oblique", studio.draw(prepared, "oblique"));
   // From the side from which the mesiodistal section is drawn.
@@ -163,7 +164,9 @@ void write_score_report(const Assessment& assessment, const ProcessOptions& proc
   page.sheet = assessment.sheet;
   const Studio studio(assessment);
   const Renderer prepared = Studio::scene_of(studio.prepared());
-  page.pictures = pictures_of(studio, prepared, assessment, progress);
+  RenderPart original = studio.original();
+  TriangleMesh before = original.mesh;
+  page.pictures = pictures_of(studio, std::move(original), prepared, assessment, progress);
   page.sections = assessment.preparation.sections;
   if (assessment.deviation) {
     const std::vector<float>& values = assessment.deviation->per_vertex;
@@ -175,7 +178,7 @@ void write_score_report(const Assessment& assessment, const ProcessOptions& proc
   if (assessment.trace)
     page.trace = trace_plot(assessment.trace->rows, assessment.process->events, process);
   const ScenePart scene =
-      scene_part({studio.original().mesh, assessment.prepared.surface,
+      scene_part({std::move(before), assessment.prepared.surface,
                   assessment.deviation ? assessment.deviation->per_vertex : std::vector<float>(),
                   studio.axes()});
   page.scene = scene.markup;

@@ -20,7 +20,8 @@ namespace toothprep {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kTile = 32;  // pixels each way that are drawn in one go; even
+constexpr int kTile = 64;   // pixels each way that are looked at in one go
+constexpr int kField = 32;  // of these, pixels each way that share rays; even, divides kTile
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 // A number in [0, 1) for each pixel, of which near ones differ much (J. Jimenez, SIGGRAPH 2014).
@@ -48,6 +49,8 @@ struct Seen {
   float deviation = kNan;  // mm
   Colour colour = Colour::Zero();
   bool figure = false;  // the colour is a figure to be read: little shade
+  // Of the lights, what the surface turns towards them, and the key light's gloss.
+  float upward = 0, to_key = 0, to_fill = 0, gloss = 0;
 };
 
 // Per corner of each triangle that of the level set of the triangle's side at the vertex, so that a
@@ -242,6 +245,18 @@ struct Renderer::Pass {
     double third;
   };
 
+  // Places in the key light, a disc of 7° around it.
+  struct LampPlace {
+    double radius, share;  // across the disc, and around it
+  };
+
+  static std::vector<LampPlace> lamp_places(int total) {
+    std::vector<LampPlace> places;
+    for (int i = 0; i < total; ++i)
+      places.push_back({0.12 * std::sqrt((i + 0.5) / total), radical_inverse(i, 2)});
+    return places;
+  }
+
   static std::vector<SkyRay> sky_rays(int total) {
     std::vector<SkyRay> rays;
     rays.reserve(static_cast<std::size_t>(total));
@@ -263,6 +278,7 @@ struct Renderer::Pass {
   Vec3 key, fill, sky, key_u, key_v;
   Vec3 half;                                    // between the key light and the eye
   std::vector<SkyRay> plain_rays, sample_rays;  // for sky_shares(), for draw_samples()
+  std::vector<LampPlace> corner_lamp, plain_lamp, sample_lamp;  // for light_corners(), draw_plain()
   bool any_ghost;
 
   // The part of a ray behind the cut; `entry`: it begins on the cut, seen from the removed side.
@@ -299,6 +315,7 @@ struct Renderer::Pass {
           seen.face = seen.normal = cut->normal;
           seen.on_cut = true;
           p.describe_cut(x, seen);
+          face_lights(seen);
           return true;
         }
       }
@@ -321,7 +338,19 @@ struct Renderer::Pass {
     // Smoothed normals may lean away from the eye at an outline.
     const double away = seen.normal.dot(camera.forward);
     if (away > -0.01) seen.normal = (seen.normal - (away + 0.01) * camera.forward).normalized();
+    face_lights(seen);
     return true;
+  }
+
+  // Once for each place, which several pixels share.
+  void face_lights(Seen& seen) const {
+    const auto facing = [&](const Vec3& light) {
+      return static_cast<float>(std::max(0.0, seen.normal.dot(light)));
+    };
+    seen.upward = static_cast<float>(seen.normal.dot(sky));
+    seen.to_key = facing(key);
+    seen.to_fill = facing(fill);
+    seen.gloss = seen.on_cut ? 0.f : std::pow(facing(half), 50.f);
   }
 
   // Of rays, those that meet a part of what is kept: bit i that of rays[i].
@@ -407,18 +436,17 @@ struct Renderer::Pass {
   }
 
   // Towards a place in the key light; nothing if the surface looks away from it.
-  std::optional<TreeRay> key_ray(const Seen& seen, int sample, int total, double turn) const {
-    const double r = 0.12 * std::sqrt((sample + 0.5) / total);  // a disc of 7° around the key light
-    const double angle = 2 * units::kPi * (radical_inverse(sample, 2) + turn);
+  std::optional<TreeRay> key_ray(const Seen& seen, const LampPlace& place, double turn) const {
+    const double r = place.radius, angle = 2 * units::kPi * (place.share + turn);
     const Vec3 along =
         (key + r * std::cos(angle) * key_u + r * std::sin(angle) * key_v).normalized();
     if (along.dot(seen.face) <= 0) return std::nullopt;
     return TreeRay{seen.point + lift * seen.face, along, 0, 1e6};
   }
 
-  void add_key(const Seen& seen, int sample, int total, double turn, std::size_t group,
+  void add_key(const Seen& seen, const LampPlace& place, double turn, std::size_t group,
                Rays& rays) const {
-    if (const auto ray = key_ray(seen, sample, total, turn))
+    if (const auto ray = key_ray(seen, place, turn))
       rays.add(*ray, group);
     else
       rays.add_blocked(group);
@@ -426,28 +454,25 @@ struct Renderer::Pass {
 
   // `shares`: how much of the sky is open to a place, of equal parts of the sky.
   static SkyLight sky_light(const Colour& colour, std::span<const float> shares) {
+    const Eigen::Array4f own(colour[0], colour[1], colour[2], 0);  // as wide as vectors are
+    Eigen::Array4f bounced = Eigen::Array4f::Zero();
     SkyLight light;
     for (const float open : shares) {
       // Light thrown to and fro between walls of this colour: a geometric series.
-      light.bounced += open / (1 - 0.8f * colour * (1 - open));
+      bounced += open / (1 - 0.8f * own * (1 - open));
       light.open += open;
     }
-    light.bounced /= static_cast<float>(shares.size());
+    light.bounced = bounced.head<3>() / static_cast<float>(shares.size());
     light.open /= static_cast<float>(shares.size());
     return light;
   }
 
   Colour shade(const Seen& seen, const SkyLight& from_sky, float lit) const {
-    const auto facing = [&](const Vec3& light) {
-      return static_cast<float>(std::max(0.0, seen.normal.dot(light)));
-    };
-    const float upward = static_cast<float>(seen.normal.dot(sky));
-    Colour light = from_sky.bounced * (0.40f + 0.08f * upward);
-    light += 0.66f * lit * facing(key);
-    light += (0.3f + 0.7f * from_sky.open) * 0.16f * facing(fill);
-    const float gloss = seen.on_cut ? 0.f : 0.07f * lit * std::pow(facing(half), 50.f);
+    Colour light = from_sky.bounced * (0.40f + 0.08f * seen.upward);
+    light += 0.66f * lit * seen.to_key;
+    light += (0.3f + 0.7f * from_sky.open) * 0.16f * seen.to_fill;
     if (seen.figure) light = 0.5f + 0.5f * light;
-    return seen.colour * light + (seen.figure ? 0.f : gloss);
+    return seen.colour * light + (seen.figure ? 0.f : 0.07f * lit * seen.gloss);
   }
 
   // A tint before what lies behind, denser where the glass is seen at a slant: colour, alpha.
@@ -501,7 +526,8 @@ struct Renderer::Pass {
         const Seen& seen = tile.corners[at];
         if (seen.depth == kInfinity) continue;
         // Neighbouring corners take the four parts of the lamp.
-        const auto ray = key_ray(seen, (x & 1) + 2 * (y & 1), 4, pixel_noise(x, y));
+        const auto ray = key_ray(seen, corner_lamp[static_cast<std::size_t>((x & 1) + 2 * (y & 1))],
+                                 pixel_noise(x, y));
         if (!ray) continue;
         rays[count] = *ray;
         corner[count] = at;
@@ -512,10 +538,17 @@ struct Renderer::Pass {
 
   void draw_tile(int left, int top, Image& image) const {
     const Tile tile = look_at_tile(left, top, image);
-    const int across = (tile.width + 1) / 2, down = (tile.height + 1) / 2;
+    for (int y = 0; y < tile.height; y += kField)
+      for (int x = 0; x < tile.width; x += kField) draw_field(tile, x, y, image);
+  }
+
+  void draw_field(const Tile& tile, int left, int top, Image& image) const {
+    const int across = (std::min(kField, tile.width - left) + 1) / 2;
+    const int down = (std::min(kField, tile.height - top) + 1) / 2;
     std::vector<Block> blocks;
     for (int y = 0; y < down; ++y)
-      for (int x = 0; x < across; ++x) blocks.push_back(look_at_block(tile, 2 * x, 2 * y, image));
+      for (int x = 0; x < across; ++x)
+        blocks.push_back(look_at_block(tile, left + 2 * x, top + 2 * y, image));
     std::vector<float> shares;
     for (int y = 0; y < down; ++y)
       for (int x = 0; x < across; ++x) {
@@ -600,11 +633,9 @@ struct Renderer::Pass {
     if (!all) {
       const double turn = pixel_noise(tile.left + x, tile.top + y);
       // Each corner takes every ring and every quarter of the lamp.
-      constexpr int kRays = 32;
       Rays rays(*this);
-      for (int s = 0; s < kRays; ++s)
-        add_key(tile.corners[corners[static_cast<std::size_t>(s + s / 4) % 4]], s, kRays, turn, 0,
-                rays);
+      for (std::size_t s = 0; s < plain_lamp.size(); ++s)
+        add_key(tile.corners[corners[(s + s / 4) % 4]], plain_lamp[s], turn, 0, rays);
       rays.shoot();
       lit = rays.groups[0].share();
     }
@@ -635,7 +666,7 @@ struct Renderer::Pass {
         met[i] = look(origin[i], false, seen[i]);
         if (!met[i]) continue;
         add_sky(seen[i], s, total, sample_rays, turned, 2 * i, rays);
-        add_key(seen[i], s, total, turn, 2 * i + 1, rays);
+        add_key(seen[i], sample_lamp[static_cast<std::size_t>(s)], turn, 2 * i + 1, rays);
       }
       rays.shoot();
       for (int s = first; s < last; ++s) {
@@ -703,6 +734,9 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
             {},
             Pass::sky_rays(rounded_up(options.ambient_rays, 12)),
             Pass::sky_rays(rounded_up(options.ambient_rays, options.samples * options.samples)),
+            Pass::lamp_places(4),
+            Pass::lamp_places(32),
+            Pass::lamp_places(options.samples * options.samples),
             std::any_of(parts_.begin(), parts_.end(), [](const Part& p) { return p.part.ghost; })};
   if (pass.cut) {
     if (!pass.cut->point.allFinite() || !pass.cut->normal.allFinite() ||
