@@ -6,7 +6,9 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +28,11 @@ struct Tooth {
   explicit Tooth(LayeredTooth made);
   const LayeredTooth
       layers;  // its bricks stand in the pool in the order of the table, without gaps
+  // What remains of a tissue (0 to 2), likewise; made when it is first asked for. Under the GIL.
+  const LevelSet& remains(std::size_t tissue) const;
+
+ private:
+  mutable std::array<std::optional<LevelSet>, 3> unpacked_;
 };
 using SharedTooth = std::shared_ptr<Tooth>;
 

@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <utility>
 
 #include "bindings.h"
 #include "long_work.h"
@@ -31,11 +33,28 @@ BrickGrid<T> in_order(const BrickGrid<T>& grid, const std::vector<T>& constants)
   return made;
 }
 
+// What remains of the tissues, sharing this solid's bricks and no other's.
+void store_remains_anew(LayeredTooth& tooth) {
+  std::array<float, kBrickVoxels> values;
+  for (const Tissue tissue : {Tissue::kDentin, Tissue::kEnamel, Tissue::kPulp}) {
+    const auto k = static_cast<std::size_t>(tissue_index(tissue));
+    const PackedLevelSet before = std::move(tooth.remains[k]);
+    tooth.remains[k] =
+        PackedLevelSet(before.first_brick(), before.brick_counts(), before.background());
+    for (std::size_t b = 0; b < before.table_size(); ++b) {
+      if (before.is_uniform(b) && before.uniform_value(b) == before.background()) continue;
+      before.brick(b).unpack(values.data());
+      set_remains(tooth, k, b, values.data());
+    }
+  }
+}
+
 LayeredTooth in_order(LayeredTooth tooth) {
   tooth.tissue = in_order(tooth.tissue, {1, 2, 3, 4});
   const auto inside = -static_cast<float>(tooth.band());
   tooth.solid = in_order(tooth.solid, {inside});
-  for (LevelSet& grid : tooth.remains) grid = in_order(grid, {inside});
+  tooth.solid.freeze();
+  store_remains_anew(tooth);
   if (tooth.parts)
     for (LevelSet* grid : {&tooth.parts->intact, &tooth.parts->cut})
       *grid = in_order(*grid, {inside});
@@ -55,7 +74,7 @@ auto with_grid(const Tooth& t, const std::string& name, const Visit& visit) {
   if (name == "tissue") return visit(t.layers.tissue);
   if (name == "solid") return visit(t.layers.solid);
   if (const auto tissue = tissue_named(name); tissue && *tissue != Tissue::kOther)
-    return visit(t.layers.remains[static_cast<std::size_t>(tissue_index(*tissue))]);
+    return visit(t.remains(static_cast<std::size_t>(tissue_index(*tissue))));
   throw py::value_error("no grid '" + name +
                         "'; a tooth has tissue, solid, enamel, dentin and pulp");
 }
@@ -263,6 +282,12 @@ void bind_grids(py::class_<Tooth, std::shared_ptr<Tooth>>& type) {
 }  // namespace
 
 Tooth::Tooth(LayeredTooth made) : layers(in_order(std::move(made))) {}
+
+const LevelSet& Tooth::remains(std::size_t tissue) const {
+  std::optional<LevelSet>& known = unpacked_[tissue];
+  if (!known) known = layers.remains[tissue].unpacked();
+  return *known;
+}
 
 py::dict arrays_of(const TriangleMesh& mesh) {
   const auto vertices = static_cast<py::ssize_t>(mesh.vertices.size()),

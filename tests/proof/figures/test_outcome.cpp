@@ -46,8 +46,8 @@ TEST(FigureContext, ASpecimenIsMadeOnceForAllThatAskForTheSame) {
   const LayeredTooth again = context.specimen(experiment, run, 0.2);
   EXPECT_EQ(tooth_sha256(first), tooth_sha256(make_specimen(experiment, run, 0.2)));
   EXPECT_EQ(tooth_sha256(first), tooth_sha256(again));
-  EXPECT_NE(first.solid.shared_storage(), nullptr);
-  EXPECT_EQ(first.solid.shared_storage(), again.solid.shared_storage());
+  EXPECT_NE(first.solid.shared().bricks, nullptr);
+  EXPECT_EQ(first.solid.shared().bricks, again.solid.shared().bricks);
   EXPECT_NE(tooth_sha256(context.specimen(experiment, run, 0.1)), tooth_sha256(first));
   run.block.enamel = 0.5;
   EXPECT_NE(tooth_sha256(context.specimen(experiment, run, 0.2)), tooth_sha256(first));

@@ -14,7 +14,8 @@ constexpr int kEnamel = tissue_index(Tissue::kEnamel), kDentin = tissue_index(Ti
               kPulp = tissue_index(Tissue::kPulp), kOther = tissue_index(Tissue::kOther);
 
 // Trilinear value of a level set at a world position.
-double value_at(const LevelSet& grid, const Lattice& lattice, const Vec3& x) {
+template <class Grid>
+double value_at(const Grid& grid, const Lattice& lattice, const Vec3& x) {
   const Vec3 index = lattice.to_index(x);
   const Index3 i = index.array().floor().matrix().cast<int>();
   const Vec3 f = index - i.cast<double>();

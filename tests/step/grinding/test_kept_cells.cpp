@@ -1,6 +1,7 @@
 // Cells of the cut that are kept from step to step against the field itself, bit for bit.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <random>
 
 #include "../session/experiment.h"
@@ -93,6 +94,8 @@ TEST(KeptCells, OnAPathWithCutsAreThoseOfTheField) {
 TEST(KeptTissues, AreThoseOfTheToothsFields) {
   const LayeredTooth tooth = block(0.1, 1, Vec3(4, 3, 4));
   const Workpiece workpiece(tooth);
+  const std::array<LevelSet, 4> fields = {tooth.solid, tooth.remains[0].unpacked(),
+                                          tooth.remains[1].unpacked(), tooth.remains[2].unpacked()};
   KeptTissues kept;
   const Index3 base = tooth.lattice.to_index(Vec3(0, -0.8, 0)).array().floor().cast<int>();
   int by_fields = 0, others = 0;
@@ -110,7 +113,7 @@ TEST(KeptTissues, AreThoseOfTheToothsFields) {
       for (int p = 0; p < 2; ++p) {
         if (!wanted[p]) continue;
         const FieldSample exact =
-            field_at(field < 0 ? tooth.solid : tooth.remains[field], base, p == 0 ? a : b);
+            field_at(fields[static_cast<std::size_t>(field + 1)], base, p == 0 ? a : b);
         ASSERT_EQ(found.value[p], exact.value) << i;
         ASSERT_EQ(found.gx[p], exact.gx) << i;
         ASSERT_EQ(found.gy[p], exact.gy) << i;

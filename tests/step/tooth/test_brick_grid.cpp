@@ -154,11 +154,12 @@ TEST(BrickGrid, FrozenBricksAreSharedUntilOneWrites) {
   const std::size_t bytes = grid.memory_bytes();
   grid.freeze();
   EXPECT_EQ(grid.bricks_stored(), 2u);
-  EXPECT_LE(grid.memory_bytes() + grid.shared_bytes(), bytes + 3 * kBrickVoxels * sizeof(float));
+  EXPECT_LE(grid.memory_bytes() + grid.shared().memory_bytes(),
+            bytes + 3 * kBrickVoxels * sizeof(float));
 
   Grid copy = grid, equal = small_grid(), other = small_grid();
   write(other, 1, 2, 9, 4.0F);
-  EXPECT_EQ(copy.shared_storage(), grid.shared_storage());
+  EXPECT_EQ(copy.shared().bricks, grid.shared().bricks);
   EXPECT_FALSE(equal.share_brick(first, other));  // not frozen
   other.freeze();
   EXPECT_TRUE(equal.share_brick(first, grid));

@@ -2,6 +2,7 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -132,7 +133,7 @@ TEST(LayeredTooth, LevelSetsAreClampedToTheBandAndTissuesLieWithinTheSolid) {
       for (int k = -16; k < 16; ++k) {
         const float solid = tooth.solid.value(i, j, k);
         ASSERT_LE(std::abs(solid), band);
-        for (const LevelSet& grid : tooth.remains) ASSERT_GE(grid.value(i, j, k), solid);
+        for (const PackedLevelSet& grid : tooth.remains) ASSERT_GE(grid.value(i, j, k), solid);
       }
 }
 
@@ -186,7 +187,13 @@ TEST(LayeredTooth, HashSeesEveryChangeOfContent) {
   EXPECT_NE(changed([&](LayeredTooth& t) { t.solid.writable_brick(b)[17] += 1e-6F; }), hash);
   EXPECT_NE(changed([&](LayeredTooth& t) { t.tissue.writable_brick(b)[17] = 4; }), hash);
   for (int k = 0; k < 3; ++k)
-    EXPECT_NE(changed([&](LayeredTooth& t) { t.remains[k].writable_brick(b)[17] = 0.01F; }), hash);
+    EXPECT_NE(changed([&](LayeredTooth& t) {
+                std::array<float, kBrickVoxels> values;
+                t.remains[k].brick(b).unpack(values.data());
+                values[17] = 0.01F;
+                t.remains[k].set_brick(b, values.data());
+              }),
+              hash);
   EXPECT_NE(changed([](LayeredTooth& t) { t.lattice.origin.x() += 1e-9; }), hash);
   EXPECT_NE(changed([](LayeredTooth& t) { t.lattice.voxel += 1e-9; }), hash);
   // The same values in another tissue are another tooth.

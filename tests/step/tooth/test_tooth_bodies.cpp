@@ -84,7 +84,7 @@ TEST(ToothBodies, OthersAreSeenAsOther) {
 TEST(ToothBodies, ASurfaceBesideAnotherStaysWithinTheGap) {
   for (const double gap : {0.02, 0.05, 0.09, 0.3}) {
     const LayeredTooth tooth = with_others_as_other(two_boxes(gap));
-    const LevelSet& dentin = tooth.remains[1];
+    const PackedLevelSet& dentin = tooth.remains[1];
     const double in = dentin.value(19, 10, 10), out = dentin.value(20, 10, 10);
     ASSERT_LT(in, 0) << gap;
     ASSERT_GT(out, 0) << gap;

@@ -53,9 +53,10 @@ double uniform(std::uint64_t seed) {  // splitmix64, 0..1
 // Both volumes are of second order in the voxel, with errors of opposite sign (the mesh is
 // inscribed in convex parts and bevels creases), so this holds to a fraction of (voxel / size)^2.
 void expect_volume_of_level_set(const LayeredTooth& tooth, SurfaceOf what, double tolerance) {
-  const LevelSet& grid =
-      what == SurfaceOf::kAll ? tooth.solid : tooth.remains[static_cast<int>(what) - 1];
-  const double expected = volume_mm3(grid, tooth.lattice.voxel);
+  const double voxel = tooth.lattice.voxel;
+  const double expected = what == SurfaceOf::kAll
+                              ? volume_mm3(tooth.solid, voxel)
+                              : volume_mm3(tooth.remains[static_cast<int>(what) - 1], voxel);
   EXPECT_NEAR(mesh_volume_mm3(extract_surface(tooth, what)) / expected, 1, tolerance);
 }
 

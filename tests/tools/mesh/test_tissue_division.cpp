@@ -282,15 +282,15 @@ TEST(TissueDivision, IsValidWhereThreeTissuesMeetAndWhereBordersAreNoise) {
   std::mt19937 random(7);
   std::uniform_real_distribution<float> noise(-0.15F, 0.045F);
   LayeredTooth tooth = layered(teeth()[0], 3.1, 0.1);
-  for (LevelSet* level : {&tooth.remains[0], &tooth.remains[1], &tooth.remains[2]})
-    for (std::size_t b = 0; b < level->table_size(); ++b) {
-      const Index3 first = level->brick_origin(b);
+  for (PackedLevelSet& level : tooth.remains)
+    for (std::size_t b = 0; b < level.table_size(); ++b) {
+      const Index3 first = level.brick_origin(b);
       std::array<float, kBrickVoxels> values;
       for (int v = 0; v < kBrickVoxels; ++v) {
         const Index3 i = first + Index3(v >> 6, v >> 3 & 7, v & 7);
         values[v] = std::max(noise(random), tooth.solid.value(i.x(), i.y(), i.z()));
       }
-      level->set_brick(b, values.data());
+      level.set_brick(b, values.data());
     }
   const SharpSurface surface = surface_by_tissue(tooth);
   const surfaces::Mesh mesh = surfaces::judged(surface.mesh);

@@ -173,8 +173,8 @@ ImageVolume<std::uint16_t> three_tissues(double spacing) {
 const std::map<std::uint16_t, Tissue> kThree = {
     {1, Tissue::kEnamel}, {2, Tissue::kDentin}, {3, Tissue::kPulp}};
 
-template <class T>
-T value(const BrickGrid<T>& grid, const Index3& i) {
+template <class Grid>
+auto value(const Grid& grid, const Index3& i) {
   return grid.value(i.x(), i.y(), i.z());
 }
 
@@ -254,7 +254,7 @@ TEST(LabelSurfaces, EveryCentreStaysInItsTissue) {
         // A surface may touch a centre, and the lattice's nearest voxel is not at it.
         const float solid = value(tooth.solid, at);
         float nearest = std::abs(solid);
-        for (const LevelSet& remains : tooth.remains)
+        for (const PackedLevelSet& remains : tooth.remains)
           nearest = std::min(nearest, std::abs(value(remains, at)));
         elsewhere += nearest > 0.025f;
       }

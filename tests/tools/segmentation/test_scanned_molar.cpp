@@ -44,7 +44,7 @@ const Scanned& scanned() {
 double error_at(const LayeredTooth& tooth, const SurfaceUncertainty::Place& place) {
   const Index3& v = place.voxel;
   const ToothSample s = sample_molar(tooth.lattice.to_world(v));
-  const auto found = [&](const LevelSet& set) { return set.value(v.x(), v.y(), v.z()); };
+  const auto found = [&](const auto& set) { return set.value(v.x(), v.y(), v.z()); };
   switch (place.surface) {
     case ScanSurface::kEnamelOutside:
     case ScanSurface::kDentinOutside:
@@ -86,7 +86,8 @@ TEST(HalfWidths, HoldTheSurfacesNineteenTimesOfTwenty) {
 }
 
 // Trilinear of a level set, mm.
-double at(const LevelSet& level_set, const Lattice& lattice, const Vec3& x) {
+template <class Grid>
+double at(const Grid& level_set, const Lattice& lattice, const Vec3& x) {
   const Vec3 index = lattice.to_index(x), low = index.array().floor();
   const Index3 i = low.cast<int>();
   const Vec3 f = index - low;

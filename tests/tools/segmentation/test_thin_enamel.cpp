@@ -80,7 +80,8 @@ struct Found {
 };
 
 // Trilinear of a level set, mm.
-double at(const LevelSet& level_set, const Lattice& lattice, const Vec3& x) {
+template <class Grid>
+double at(const Grid& level_set, const Lattice& lattice, const Vec3& x) {
   const Vec3 index = lattice.to_index(x), low = index.array().floor();
   const Index3 i = low.cast<int>();
   const Vec3 f = index - low;

@@ -27,8 +27,8 @@ void for_each_voxel(const LayeredTooth& tooth, const Visit& visit) {
   }
 }
 
-template <class T>
-T value(const BrickGrid<T>& grid, const Index3& i) {
+template <class Grid>
+auto value(const Grid& grid, const Index3& i) {
   return grid.value(i.x(), i.y(), i.z());
 }
 
@@ -119,8 +119,8 @@ TEST_P(BlurredBall, HasItsThreeSurfacesInPlaceAsSignedDistances) {
                                          std::max(r - core, pulp - r), r - pulp};
     for (int g = 0; g < 4; ++g) {
       if (std::abs(truth[g]) > band) continue;
-      const LevelSet& grid = g == 0 ? tooth.solid : tooth.remains[g - 1];
-      const double error = value(grid, i) - truth[g];
+      const double error =
+          (g == 0 ? value(tooth.solid, i) : value(tooth.remains[g - 1], i)) - truth[g];
       worst[g] = std::max(worst[g], std::abs(error));
       sum[g] += error;
       ++count[g];

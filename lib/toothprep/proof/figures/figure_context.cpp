@@ -43,7 +43,6 @@ LayeredTooth FigureContext::specimen(const Experiment& experiment, const Run& ru
   LayeredTooth made = make_specimen(experiment, run, voxel);
   made.tissue.freeze();
   made.solid.freeze();
-  for (LevelSet& grid : made.remains) grid.freeze();
   const std::lock_guard lock(mutex_);
   return specimens_.try_emplace(key, std::move(made)).first->second;
 }

@@ -29,7 +29,8 @@ struct FourCells {
     low = d - c - b + a, high = h - g - f + e;
   }
   // Those of the lanes of `wanted`.
-  void read(const LevelSet& field, Int4 i, Int4 j, Int4 k, Int4 wanted) noexcept {
+  template <class Grid>
+  void read(const Grid& field, Int4 i, Int4 j, Int4 k, Int4 wanted) noexcept {
     alignas(16) float corners[4][8] = {};
     for (int p = 0; p < 4; ++p)
       if (wanted[p]) cell_corners(field, i[p], j[p], k[p], corners[p]);

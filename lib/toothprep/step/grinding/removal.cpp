@@ -524,16 +524,16 @@ void Removal::count_removed(std::size_t brick, const UnderWay& b) noexcept {
     removed_[workpiece_.only_tissue(brick) - 1] += voxel_volume_ * static_cast<double>(sum);
     return;
   }
-  const auto& tissues = workpiece_.tooth().remains;
+  const auto& remains = workpiece_.tooth().remains;
+  const PackedBrick enamel = remains[0].brick(brick), dentin = remains[1].brick(brick),
+                    pulp = remains[2].brick(brick);
   PerTissue<float> fraction{};
   const auto count = [&](int v) {
     const float gone =
         inside(std::max(solid[v], b.before[v])) - inside(std::max(solid[v], b.values[v]));
     if (gone <= 0 || labels[v] == 0) return;
     if (labels[v] != static_cast<std::uint8_t>(Tissue::kOther)) {
-      const float share[3] = {inside(tissues[0].brick(brick)[v]),
-                              inside(tissues[1].brick(brick)[v]),
-                              inside(tissues[2].brick(brick)[v])};
+      const float share[3] = {inside(enamel[v]), inside(dentin[v]), inside(pulp[v])};
       const float sum = share[0] + share[1] + share[2];
       if (sum > 0) {
         for (int k = 0; k < 3; ++k) fraction[k] += gone * share[k] / sum;

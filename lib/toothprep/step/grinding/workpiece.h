@@ -80,7 +80,8 @@ struct FieldSample {
 
 // The eight corners of the cell whose lower corner is voxel (i, j, k), z fastest; the background
 // outside.
-inline void cell_corners(const LevelSet& field, int i, int j, int k, float* c) noexcept {
+template <class Grid>  // LevelSet or PackedLevelSet
+void cell_corners(const Grid& field, int i, int j, int k, float* c) noexcept {
   const Index3& first = field.first_brick();
   const Index3& counts = field.brick_counts();
   const int bx = (i >> 3) - first.x(), by = (j >> 3) - first.y(), bz = (k >> 3) - first.z();
@@ -97,17 +98,18 @@ inline void cell_corners(const LevelSet& field, int i, int j, int k, float* c) n
   const std::size_t b = static_cast<std::size_t>(bx) * stride_x +
                         static_cast<std::size_t>(by) * stride_y + static_cast<std::size_t>(bz);
   if (x < 7 && y < 7 && z < 7) {
-    const float* v = field.brick(b) + brick_offset(x, y, z);
-    c[0] = v[0], c[1] = v[1], c[2] = v[8], c[3] = v[9];
-    c[4] = v[64], c[5] = v[65], c[6] = v[72], c[7] = v[73];
+    const auto v = field.brick(b);
+    const int o = brick_offset(x, y, z);
+    c[0] = v[o], c[1] = v[o + 1], c[2] = v[o + 8], c[3] = v[o + 9];
+    c[4] = v[o + 64], c[5] = v[o + 65], c[6] = v[o + 72], c[7] = v[o + 73];
     return;
   }
   const std::size_t b_x = x < 7 ? 0 : stride_x, b_y = y < 7 ? 0 : stride_y;
   const int x1 = (x + 1) & 7, y1 = (y + 1) & 7;
   const auto read_two = [&](std::size_t at, int offset, float* to) {
-    const float* low = field.brick(at) + offset;
-    to[0] = low[0];
-    to[1] = z < 7 ? low[1] : field.brick(at + 1)[offset - 7];
+    const auto low = field.brick(at);
+    to[0] = low[offset];
+    to[1] = z < 7 ? low[offset + 1] : field.brick(at + 1)[offset - 7];
   };
   read_two(b, brick_offset(x, y, z), c);
   read_two(b + b_y, brick_offset(x, y1, z), c + 2);

@@ -8,8 +8,8 @@
 // system when it is first touched, so a generous reserve costs address space only.
 //
 // A grid that is frozen shares its bricks with its copies, and with grids that are equal to it in
-// places (most of enamel's bricks at the surface are the solid's). Who writes into such a brick
-// gets one of its own first.
+// places (most of an intact solid's bricks are those of what a cut left). Who writes into such a
+// brick gets one of its own first.
 //
 // Why not OpenVDB in the step: tests/step/tooth/bench_brick_grid.cpp measures both for the trilinear
 // look-up of the step; the figures stand in this folder's README.
@@ -34,8 +34,46 @@ constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;  // 512
   return (x << 6) | (y << 3) | z;
 }
 
+// The bricks that a grid covers, in units of 8 voxels: [first, first + counts).
+class BrickBox {
+ public:
+  BrickBox() = default;
+  BrickBox(const Index3& first, const Index3& counts) : first_(first), counts_(counts) {}
+
+  const Index3& first_brick() const { return first_; }    // lower corner of the box, in bricks
+  const Index3& brick_counts() const { return counts_; }  // the box's size, in bricks
+
+  // Table index of the brick that holds voxel (i, j, k), or -1 outside the box.
+  [[nodiscard]] std::int64_t brick_index(int i, int j, int k) const {
+    const int x = (i >> 3) - first_.x(), y = (j >> 3) - first_.y(), z = (k >> 3) - first_.z();
+    if (x < 0 || y < 0 || z < 0 || x >= counts_.x() || y >= counts_.y() || z >= counts_.z())
+      return -1;
+    return (static_cast<std::int64_t>(x) * counts_.y() + y) * counts_.z() + z;
+  }
+  // First voxel of the brick at a table index.
+  [[nodiscard]] Index3 brick_origin(std::size_t index) const {
+    const auto z = static_cast<int>(index % counts_.z());
+    const auto y = static_cast<int>(index / counts_.z() % counts_.y());
+    const auto x = static_cast<int>(index / counts_.z() / counts_.y());
+    return (first_ + Index3(x, y, z)) * kBrickEdge;
+  }
+
+ private:
+  Index3 first_ = Index3::Zero(), counts_ = Index3::Zero();
+};
+
+// Bricks that several grids refer to and none writes.
 template <class T>
-class BrickGrid {  // values at integer voxel positions; writing is not safe beside reading
+struct SharedBricks {
+  std::shared_ptr<const T> bricks;  // one after the other; the same of all that share them
+  std::uint32_t count = 0;          // of them
+
+  std::size_t memory_bytes() const { return sizeof(T) * kBrickVoxels * std::size_t{count}; }
+};
+
+// Values at integer voxel positions; writing is not safe beside reading.
+template <class T>
+class BrickGrid : public BrickBox {
   static_assert(std::is_trivially_copyable_v<T>);
 
  public:
@@ -46,8 +84,8 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
   // whole bricks may take without storage.
   BrickGrid(const Index3& first_brick, const Index3& brick_counts, T background,
             const std::vector<T>& constants = {})
-      : first_(first_brick), counts_(brick_counts) {
-    top_.assign(static_cast<std::size_t>(counts_.x()) * counts_.y() * counts_.z(), 0);
+      : BrickBox(first_brick, brick_counts) {
+    top_.assign(brick_counts.cast<std::size_t>().prod(), 0);
     constants_ = 1 + static_cast<std::uint32_t>(constants.size());
     grow(constants_);
     used_ = constants_;
@@ -56,8 +94,7 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
   }
   // Copies the stored bricks but for shared ones; free ones are not reserved anew.
   BrickGrid(const BrickGrid& o)
-      : first_(o.first_),
-        counts_(o.counts_),
+      : BrickBox(o),
         constants_(o.constants_),
         shared_(o.shared_),
         top_(o.top_),
@@ -75,25 +112,8 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
   BrickGrid(BrickGrid&&) noexcept = default;             // the storage goes along
   BrickGrid& operator=(BrickGrid&&) noexcept = default;  // the same
 
-  const Index3& first_brick() const { return first_; }    // lower corner of the box, in bricks
-  const Index3& brick_counts() const { return counts_; }  // the box's size, in bricks
   std::size_t table_size() const { return top_.size(); }  // bricks in the box
   T background() const { return pool_[0]; }               // the value outside the box
-
-  // Table index of the brick that holds voxel (i, j, k), or -1 outside the box.
-  [[nodiscard]] std::int64_t brick_index(int i, int j, int k) const {
-    const int x = (i >> 3) - first_.x(), y = (j >> 3) - first_.y(), z = (k >> 3) - first_.z();
-    if (x < 0 || y < 0 || z < 0 || x >= counts_.x() || y >= counts_.y() || z >= counts_.z())
-      return -1;
-    return (static_cast<std::int64_t>(x) * counts_.y() + y) * counts_.z() + z;
-  }
-  // First voxel of the brick at a table index.
-  [[nodiscard]] Index3 brick_origin(std::size_t index) const {
-    const auto z = static_cast<int>(index % counts_.z());
-    const auto y = static_cast<int>(index / counts_.z() % counts_.y());
-    const auto x = static_cast<int>(index / counts_.z() / counts_.y());
-    return (first_ + Index3(x, y, z)) * kBrickEdge;
-  }
 
   T value(int i, int j, int k) const {  // of voxel (i, j, k), which may lie outside the box
     const std::int64_t b = brick_index(i, j, k);
@@ -206,11 +226,8 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
   [[nodiscard]] std::size_t memory_bytes() const {  // of table and own bricks
     return top_.size() * sizeof(std::uint32_t) + sizeof(T) * kBrickVoxels * std::size_t{used_};
   }
-  // Where shared bricks lie, the same for all grids that share them; null if this one doesn't.
-  const void* shared_storage() const { return common_.bricks.get(); }
-  [[nodiscard]] std::size_t shared_bytes() const {  // of that storage as a whole
-    return sizeof(T) * kBrickVoxels * std::size_t{common_.count};
-  }
+  // All bricks that are shared with this grid; none if it shares no storage.
+  const SharedBricks<T>& shared() const { return common_; }
 
  private:
   struct Free {
@@ -235,16 +252,11 @@ class BrickGrid {  // values at integer voxel positions; writing is not safe bes
   }
 
   static constexpr std::uint32_t kShared = std::uint32_t{1} << 31;  // of places in the table
-  struct Common {  // storage that several grids refer to and none writes
-    std::shared_ptr<const T> bricks;
-    std::uint32_t count = 0;
-  };
 
-  Index3 first_ = Index3::Zero(), counts_ = Index3::Zero();
   std::uint32_t constants_ = 0, used_ = 0, capacity_ = 0, shared_ = 0;  // shared_: in the table
   std::vector<std::uint32_t> top_, spare_;  // spare_: slots given back, with room for all of them
   std::unique_ptr<T[], Free> pool_;
-  Common common_;
+  SharedBricks<T> common_;
 };
 
 }  // namespace toothprep

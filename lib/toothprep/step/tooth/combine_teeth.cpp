@@ -1,6 +1,7 @@
 #include "toothprep/step/tooth/combine_teeth.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "toothprep/step/core/errors.h"
@@ -18,8 +19,11 @@ Index3 shift_of(const Lattice& from, const Lattice& to) {
   return whole.cast<int>();
 }
 
+using Tissues = std::array<LevelSet, 3>;  // what remains of them, while it is put together
+
 // Lays one tooth over what is there so far.
-void add_tooth(const LayeredTooth& from, std::uint8_t number, LayeredTooth& all, LabelGrid& of) {
+void add_tooth(const LayeredTooth& from, std::uint8_t number, LayeredTooth& all, Tissues& tissues,
+               LabelGrid& of) {
   const Index3 shift = shift_of(from.lattice, all.lattice);
   for (std::size_t b = 0; b < from.solid.table_size(); ++b) {
     if (from.solid.is_uniform(b) && from.solid.uniform_value(b) > 0) continue;
@@ -29,9 +33,9 @@ void add_tooth(const LayeredTooth& from, std::uint8_t number, LayeredTooth& all,
       const Index3 i = origin + Index3(v >> 6, (v >> 3) & 7, v & 7) + shift;
       const auto to = static_cast<std::size_t>(all.solid.brick_index(i.x(), i.y(), i.z()));
       const int at = brick_offset(i.x() & 7, i.y() & 7, i.z() & 7);
-      for (std::size_t k = 0; k < all.remains.size(); ++k)
-        if (const float r = from.remains[k].brick(b)[v]; r < all.remains[k].brick(to)[at])
-          all.remains[k].writable_brick(to)[at] = r;
+      for (std::size_t k = 0; k < tissues.size(); ++k)
+        if (const float r = from.remains[k].brick(b)[v]; r < tissues[k].brick(to)[at])
+          tissues[k].writable_brick(to)[at] = r;
       const bool has_label = from.tissue.brick(b)[v] != 0;
       if (!(solid < all.solid.brick(to)[at]) && !(has_label && of.brick(to)[at] == 0)) continue;
       if (solid < all.solid.brick(to)[at]) all.solid.writable_brick(to)[at] = solid;
@@ -77,15 +81,18 @@ LayeredTooth combine_teeth(const std::vector<LayeredTooth>& teeth, const std::ve
     upper = upper.cwiseMax(first + tooth.solid.brick_counts() * kBrickEdge - Index3::Ones());
   }
   LayeredTooth all = make_empty_tooth(lattice, lower, upper);
+  Tissues tissues = {all.solid, all.solid, all.solid};  // empty
   LabelGrid of = make_body_grid(all.tissue, list.size());
   for (std::size_t b = 0; b < teeth.size(); ++b) {
-    add_tooth(teeth[b], static_cast<std::uint8_t>(b + 1), all, of);
+    add_tooth(teeth[b], static_cast<std::uint8_t>(b + 1), all, tissues, of);
     if (list[b].kind == BodyKind::kTooth) all.provenance = teeth[b].provenance;
   }
   const auto band = static_cast<float>(all.band());
   all.tissue = without_even_bricks<std::uint8_t>(all.tissue, {1, 2, 3, 4});
   all.solid = without_even_bricks<float>(all.solid, {-band});
-  for (LevelSet& remains : all.remains) remains = without_even_bricks<float>(remains, {-band});
+  for (std::size_t k = 0; k < tissues.size(); ++k)
+    for (std::size_t b = 0; b < tissues[k].table_size(); ++b)
+      if (!tissues[k].is_uniform(b)) all.remains[k].set_brick(b, tissues[k].brick(b));
   set_bodies(all, list, std::move(of));
   return all;
 }

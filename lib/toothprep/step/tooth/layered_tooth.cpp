@@ -40,7 +40,8 @@ LayeredTooth make_empty_tooth(const Lattice& lattice, const Index3& lower, const
   tooth.lattice = lattice;
   tooth.tissue = LabelGrid(first, counts, 0, {1, 2, 3, 4});
   tooth.solid = empty_level_set(first, counts, tooth.band());
-  for (auto& grid : tooth.remains) grid = empty_level_set(first, counts, tooth.band());
+  for (auto& grid : tooth.remains)
+    grid = PackedLevelSet(first, counts, static_cast<float>(tooth.band()));
   return tooth;
 }
 
@@ -97,22 +98,32 @@ LayeredTooth build_tooth(const Lattice& lattice, const Index3& lower, const Inde
       });
 }
 
-double volume_mm3(const LevelSet& level_set, double voxel) {
+void set_remains(LayeredTooth& tooth, std::size_t tissue, std::size_t brick, const float* values) {
+  constexpr auto kDentin = static_cast<std::size_t>(tissue_index(Tissue::kDentin));
+  PackedLevelSet& remains = tooth.remains[tissue];
+  if (remains.share_brick(brick, values, tooth.solid)) return;
+  if (tissue != kDentin && remains.share_negative(brick, values, tooth.remains[kDentin])) return;
+  remains.set_brick(brick, values);
+}
+
+namespace {
+
+template <class Grid>
+double volume_of(const Grid& level_set, double voxel) {
+  std::array<float, kBrickVoxels> unpacked;
   double fractions = 0;
   for (std::size_t b = 0; b < level_set.table_size(); ++b) {
     if (level_set.is_uniform(b)) {
       fractions += kBrickVoxels * inside_fraction(level_set.uniform_value(b), voxel);
       continue;
     }
-    const float* phi = level_set.brick(b);
+    const float* phi = brick_values(level_set, b, unpacked);
     double sum = 0;
     for (int v = 0; v < kBrickVoxels; ++v) sum += inside_fraction(phi[v], voxel);
     fractions += sum;
   }
   return fractions * voxel * voxel * voxel;
 }
-
-namespace {
 
 // `other` has no level set: in its own voxels and those beside them it is what the solid has left.
 double volume_of_other(const LayeredTooth& tooth) {
@@ -132,7 +143,7 @@ double volume_of_other(const LayeredTooth& tooth) {
     double sum = 0;
     for (int v = 0; v < kBrickVoxels; ++v) {
       double rest = inside_fraction(solid[v], voxel);
-      for (const LevelSet& tissue : tooth.remains)
+      for (const PackedLevelSet& tissue : tooth.remains)
         rest -= inside_fraction(tissue.brick(b)[v], voxel);
       if (rest > 1e-6 &&
           near_other(tooth.solid.brick_origin(b) + Index3(v >> 6, (v >> 3) & 7, v & 7)))
@@ -144,6 +155,12 @@ double volume_of_other(const LayeredTooth& tooth) {
 }
 
 }  // namespace
+
+double volume_mm3(const LevelSet& level_set, double voxel) { return volume_of(level_set, voxel); }
+
+double volume_mm3(const PackedLevelSet& level_set, double voxel) {
+  return volume_of(level_set, voxel);
+}
 
 PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth) {
   PerTissue<double> volumes{};
@@ -204,7 +221,7 @@ std::size_t memory_bytes(const LayeredTooth& tooth) {
   std::set<const void*> counted;  // what grids share, once
   const auto add = [&](const auto& grid) {
     bytes += grid.memory_bytes();
-    if (counted.insert(grid.shared_storage()).second) bytes += grid.shared_bytes();
+    if (counted.insert(grid.shared().bricks.get()).second) bytes += grid.shared().memory_bytes();
   };
   add(tooth.tissue);
   add(tooth.solid);
@@ -216,10 +233,13 @@ std::size_t memory_bytes(const LayeredTooth& tooth) {
 
 namespace {
 
-template <class T>
-void hash_grid(Sha256& hash, const BrickGrid<T>& grid) {
+template <class Grid>
+void hash_grid(Sha256& hash, const Grid& grid) {
+  using T = decltype(grid.background());
+  std::array<T, kBrickVoxels> unpacked;
   for (std::size_t b = 0; b < grid.table_size(); ++b) {
-    const T* values = grid.brick(b);
+    if (grid.is_uniform(b) && grid.uniform_value(b) == grid.background()) continue;
+    const T* values = brick_values(grid, b, unpacked);
     const bool uniform = grid.is_uniform(b) || std::all_of(values, values + kBrickVoxels,
                                                            [&](T v) { return v == values[0]; });
     if (uniform && values[0] == grid.background()) continue;
@@ -248,11 +268,11 @@ void apply_remaining_solid(LayeredTooth& tooth, LevelSet solid) {
       if (grid.is_uniform(b) && grid.uniform_value(b) >= band) continue;
       if (solid.is_uniform(b) && solid.uniform_value(b) <= -band) continue;
       const float* s = solid.brick(b);
-      const float* old = grid.brick(b);
-      std::array<float, kBrickVoxels> next;
+      std::array<float, kBrickVoxels> old, next;
+      grid.brick(b).unpack(old.data());
       for (int v = 0; v < kBrickVoxels; ++v) next[v] = std::max(old[v], s[v]);
       // Most bricks stay as they are, and shared.
-      if (std::memcmp(next.data(), old, sizeof next) != 0) grid.set_brick(b, next.data());
+      if (std::memcmp(next.data(), old.data(), sizeof next) != 0) grid.set_brick(b, next.data());
     }
   }
   tooth.solid = std::move(solid);

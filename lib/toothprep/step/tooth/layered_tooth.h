@@ -12,6 +12,7 @@
 #include "toothprep/step/core/geometry.h"
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/step/tooth/brick_grid.h"
+#include "toothprep/step/tooth/packed_level_set.h"
 #include "toothprep/step/tooth/tooth_bodies.h"
 
 namespace toothprep {
@@ -45,7 +46,7 @@ struct LayeredTooth {  // the anatomy, and what remains of it
   LevelSet solid;      // what remains of labels 1-4
   // What remains of each tissue that has a grid of its own in the file (enamel, dentin, pulp);
   // `other` is what is left of solid.
-  std::array<LevelSet, 3> remains;
+  std::array<PackedLevelSet, 3> remains;
   // Of a tooth that was cut here; absent from one that is intact or whose history isn't known.
   std::optional<ToothParts> parts;
   // Whose each voxel is, where there are neighbours or gum beside the tooth that is prepared.
@@ -84,9 +85,14 @@ struct ToothSample {
     const Lattice& lattice, const Index3& lower, const Index3& upper,
     const std::function<void(const Index3& first, ToothSample* samples)>& sample_brick);
 
+// Stores 512 values of what remains of a tissue (0 enamel, 1 dentin, 2 pulp). What is a frozen solid's
+// is shared with it, the negative of dentin with dentin, whose bricks are to be stored first.
+void set_remains(LayeredTooth& tooth, std::size_t tissue, std::size_t brick, const float* values);
+
 // Volume inside a level set, mm³: sum over voxels of D³·(1/2 - phi/D) clamped to [0, 1], which is
 // exact for a plane along the axes and of second order elsewhere.
 [[nodiscard]] double volume_mm3(const LevelSet& level_set, double voxel);
+[[nodiscard]] double volume_mm3(const PackedLevelSet& level_set, double voxel);  // the same
 // What remains per tissue, mm³; `other` is the rest of the solid.
 [[nodiscard]] PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth);
 

@@ -175,9 +175,10 @@ LayeredTooth with_others_as_other(LayeredTooth tooth) {
     std::array<bool, kBrickVoxels> touches{};
     for (int v = 0; v < kBrickVoxels; ++v)
       touches[v] = is_other(v) && touches_body(of, voxel_of(of, b, v), kept);
-    for (LevelSet& remains : tooth.remains) {
+    for (PackedLevelSet& remains : tooth.remains) {
+      const PackedBrick before = remains.brick(b);
       for (int v = 0; v < kBrickVoxels; ++v) {
-        const float phi = remains.brick(b)[v];
+        const float phi = before[v];
         level[v] = !is_other(v) ? phi : touches[v] ? std::abs(phi) : remains.background();
       }
       remains.set_brick(b, level.data());

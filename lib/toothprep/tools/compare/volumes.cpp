@@ -33,18 +33,15 @@ bool is_other_or_beside(const LabelGrid& tissue, const Index3& i) {
 // The fractions of one solid in one voxel: of all and of enamel, dentin, pulp.
 using Fractions = std::array<double, 4>;
 
-const LevelSet& level_set(const LayeredTooth& tooth, std::size_t k) {
-  return k == 0 ? tooth.solid : tooth.remains[k - 1];
-}
-
 struct BrickView {
-  std::array<const float*, 4> phi;
-  BrickView(const LayeredTooth& tooth, std::size_t b) : phi() {
-    for (std::size_t k = 0; k < 4; ++k) phi[k] = level_set(tooth, k).brick(b);
-  }
+  const float* solid;
+  std::array<PackedBrick, 3> remains;
+  BrickView(const LayeredTooth& tooth, std::size_t b)
+      : solid(tooth.solid.brick(b)),
+        remains{tooth.remains[0].brick(b), tooth.remains[1].brick(b), tooth.remains[2].brick(b)} {}
   Fractions at(std::size_t v, double voxel) const {
-    return {fraction(phi[0][v], voxel), fraction(phi[1][v], voxel), fraction(phi[2][v], voxel),
-            fraction(phi[3][v], voxel)};
+    return {fraction(solid[v], voxel), fraction(remains[0][v], voxel),
+            fraction(remains[1][v], voxel), fraction(remains[2][v], voxel)};
   }
 };
 
@@ -181,7 +178,7 @@ class Comparison {
     for (std::size_t k = 1; k < 4; ++k) {
       left[k] = o[k] <= 0   ? 0
                 : o[k] >= 1 ? all
-                            : share_below_both(plane_of(level_set(original_, k), i), cut, voxel_);
+                            : share_below_both(plane_of(original_.remains[k - 1], i), cut, voxel_);
       sum += left[k];
       before += o[k];
     }
@@ -202,8 +199,8 @@ class Comparison {
       return both;
     };
     for (std::size_t v = 0; v < kBrickVoxels; ++v) {
-      const float po = original.phi[0][v], pp = prepared.phi[0][v];
-      const float pt = target_ ? target.phi[0][v] : po;
+      const float po = original.solid[v], pp = prepared.solid[v];
+      const float pt = target_ ? target.solid[v] : po;
       if (po == pp && po == pt) continue;
       const Index3 i = first + Index3(static_cast<int>(v >> 6), static_cast<int>(v >> 3 & 7),
                                       static_cast<int>(v & 7));

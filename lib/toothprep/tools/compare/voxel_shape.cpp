@@ -10,7 +10,20 @@ constexpr double kEven = 0.02;   // voxels: a second difference below counts as 
 constexpr double kApart = 0.05;  // voxels: a tangent that is nearer at the centre is no other plane
 constexpr double kSlope = 0.03;  // a tangent's slope is one within this
 
-double value(const LevelSet& phi, const Index3& i) { return phi.value(i.x(), i.y(), i.z()); }
+template <class Grid>
+double value(const Grid& phi, const Index3& i) {
+  return phi.value(i.x(), i.y(), i.z());
+}
+
+template <class Grid>
+VoxelPlane central_differences(const Grid& phi, const Index3& i) {
+  VoxelPlane plane{value(phi, i), Vec3::Zero()};
+  for (int axis = 0; axis < 3; ++axis) {
+    const Index3 step = Index3::Unit(axis);
+    plane.slope[axis] = (value(phi, i + step) - value(phi, i - step)) / 2;
+  }
+  return plane;
+}
 
 bool even(const LevelSet& phi, const Index3& i, double voxel) {
   const double centre = value(phi, i);
@@ -29,13 +42,10 @@ Vec3 subcube(int n) {
   return (place.cast<double>().array() + 0.5) / kSubcubes - 0.5;
 }
 
-VoxelPlane plane_of(const LevelSet& phi, const Index3& i) {
-  VoxelPlane plane{value(phi, i), Vec3::Zero()};
-  for (int axis = 0; axis < 3; ++axis) {
-    const Index3 step = Index3::Unit(axis);
-    plane.slope[axis] = (value(phi, i + step) - value(phi, i - step)) / 2;
-  }
-  return plane;
+VoxelPlane plane_of(const LevelSet& phi, const Index3& i) { return central_differences(phi, i); }
+
+VoxelPlane plane_of(const PackedLevelSet& phi, const Index3& i) {
+  return central_differences(phi, i);
 }
 
 VoxelShape::VoxelShape(const LevelSet& phi, const Index3& i, double voxel) {

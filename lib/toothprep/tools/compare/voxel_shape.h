@@ -23,6 +23,7 @@ struct VoxelPlane {
 
 // By central differences.
 VoxelPlane plane_of(const LevelSet& phi, const Index3& i);
+VoxelPlane plane_of(const PackedLevelSet& phi, const Index3& i);
 
 class VoxelShape {
  public:

@@ -46,6 +46,7 @@ constexpr const char* kVolumePrefix = "volume_mm3_";
 constexpr std::array<const char*, 6> kLevelSetNames = {"solid", "enamel", "dentin",
                                                        "pulp",  "intact", "cut"};
 constexpr int kAlways = 4;  // of them in every tooth; the other two in one that was cut here
+constexpr int kDentin = 2;
 
 constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 33;  // of a file
 constexpr double kFarthest = 1e4;                             // mm, of a tooth from the origin
@@ -60,13 +61,15 @@ constexpr double kTrialSeconds = 0.5, kTrialSecondsPerByte = 1e-7;  // CPU
 // 11 bits of three voxels.
 constexpr float kMostMismatch = 0.01F;
 
-// The level set of a name; the last two only of a tooth that has parts.
-const LevelSet& level_set(const LayeredTooth& tooth, int k) {
-  if (k >= kAlways) return k == kAlways ? tooth.parts->intact : tooth.parts->cut;
-  return k == 0 ? tooth.solid : tooth.remains[k - 1];
-}
-LevelSet& level_set(LayeredTooth& tooth, int k) {
-  return const_cast<LevelSet&>(level_set(std::as_const(tooth), k));
+// work(grid) for the level set of a name; the last two only of a tooth that has parts.
+template <class Tooth, class Work>
+void with_level_set(Tooth& tooth, int k, const Work& work) {
+  if (k == 0)
+    work(tooth.solid);
+  else if (k < kAlways)
+    work(tooth.remains[static_cast<std::size_t>(k - 1)]);
+  else
+    work(k == kAlways ? tooth.parts->intact : tooth.parts->cut);
 }
 int level_sets_of(const LayeredTooth& tooth) {
   return tooth.parts ? static_cast<int>(kLevelSetNames.size()) : kAlways;
@@ -115,14 +118,17 @@ openvdb::math::Transform::Ptr transform_of(const Lattice& lattice) {
 
 // Copies bricks to leaves (same layout); uniform bricks become tiles. `is_active` says which voxels
 // are.
-template <class Grid, class T, class IsActive>
-void fill_tree(Grid& grid, const BrickGrid<T>& bricks, IsActive is_active) {
+template <class Grid, class Bricks, class IsActive>
+void fill_tree(Grid& grid, const Bricks& bricks, IsActive is_active) {
   using Leaf = typename Grid::TreeType::LeafNodeType;
+  using T = decltype(bricks.background());
+  std::array<T, kBrickVoxels> unpacked;
   openvdb::tree::ValueAccessor<typename Grid::TreeType> tree(grid.tree());
   for (std::size_t b = 0; b < bricks.table_size(); ++b) {
+    if (bricks.is_uniform(b) && bricks.uniform_value(b) == bricks.background()) continue;
     const Index3 first = bricks.brick_origin(b);
     const openvdb::Coord origin(first.x(), first.y(), first.z());
-    const T* values = bricks.brick(b);
+    const T* values = brick_values(bricks, b, unpacked);
     const bool uniform = bricks.is_uniform(b) || std::all_of(values, values + kBrickVoxels,
                                                              [&](T v) { return v == values[0]; });
     if (uniform) {
@@ -532,13 +538,13 @@ class LeafValues {
 };
 
 // Copies leaves and tiles to bricks, and empties the grid. `convert` checks and translates the 512
-// values of a leaf, `convert_tile` a tile's. Bricks that are equal to those of `like`, a frozen
-// grid, are shared with it.
-template <class Grid, class T, class Convert, class ConvertTile>
-void fill_bricks(BrickGrid<T>& bricks, LeafValues<Grid> leaves, Grid& grid, Convert convert,
-                 ConvertTile convert_tile, const BrickGrid<T>* like = nullptr) {
+// values of a leaf, `convert_tile` a tile's; `store` puts what they are into a brick.
+template <class Grid, class Bricks, class Convert, class ConvertTile, class Store>
+void fill_bricks(Bricks& bricks, LeafValues<Grid> leaves, Grid& grid, Convert convert,
+                 ConvertTile convert_tile, Store store) {
+  using T = decltype(bricks.background());
   std::array<T, kBrickVoxels> values;
-  bricks.reserve(grid.tree().leafCount());
+  if constexpr (requires { bricks.reserve(1); }) bricks.reserve(grid.tree().leafCount());
   for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
     const auto* stored = leaves.of(*leaf);
     const openvdb::Coord at = leaf->origin();
@@ -546,8 +552,7 @@ void fill_bricks(BrickGrid<T>& bricks, LeafValues<Grid> leaves, Grid& grid, Conv
     if (place < 0) continue;  // nothing in it that counts, else the box would hold it
     const auto brick = static_cast<std::size_t>(place);
     convert(stored, values.data());
-    const bool equal = like && std::memcmp(like->brick(brick), values.data(), sizeof values) == 0;
-    if (!equal || !bricks.share_brick(brick, *like)) bricks.set_brick(brick, values.data());
+    store(brick, values.data());
   }
   auto tile = grid.tree().cbeginValueAll();
   tile.setMaxDepth(decltype(tile)::LEAF_DEPTH - 1);
@@ -694,7 +699,8 @@ void read_bodies(const std::string& path, const Archive& archive, LayeredTooth& 
     const auto numbers = [&](const openvdb::Int32* source, std::uint8_t* target) {
       for (int v = 0; v < kBrickVoxels; ++v) target[v] = number(source[v]);
     };
-    fill_bricks(of, LeafValues(path, archive, *grid), *grid, numbers, number);
+    fill_bricks(of, LeafValues(path, archive, *grid), *grid, numbers, number,
+                [&](std::size_t b, const std::uint8_t* values) { of.set_brick(b, values); });
     set_bodies(tooth, std::move(list), std::move(of));
   } catch (const InputError&) {
     throw;
@@ -702,6 +708,19 @@ void read_bodies(const std::string& path, const Archive& archive, LayeredTooth& 
     throw InputError(path, kBodiesKey, e.what(),
                      "give every voxel with a tissue a body of the list");
   }
+}
+
+// Bricks that others have already are shared.
+void store_level_set(LayeredTooth& tooth, int k, LevelSet& bricks, std::size_t b,
+                     const float* values) {
+  if (k > 0 && std::memcmp(tooth.solid.brick(b), values, sizeof(float) * kBrickVoxels) == 0 &&
+      bricks.share_brick(b, tooth.solid))
+    return;
+  bricks.set_brick(b, values);
+}
+void store_level_set(LayeredTooth& tooth, int k, PackedLevelSet& /*remains*/, std::size_t b,
+                     const float* values) {
+  set_remains(tooth, static_cast<std::size_t>(k - 1), b, values);
 }
 
 // Empties the archive's grids. `parallel`: not in a child process, which has no other threads.
@@ -745,19 +764,31 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive, bool para
   const auto fill_level_set = [&](int k) {
     const Distances distances(path, k, level_sets[k]->background(),
                               static_cast<float>(tooth.band()));
-    fill_bricks(
-        level_set(tooth, k), LeafValues(path, archive, *level_sets[k]), *level_sets[k],
-        [&](const float* source, float* target) { distances.convert(source, target); },
-        [&](float v) { return distances.tile(v); }, k == 0 ? nullptr : &tooth.solid);
+    with_level_set(tooth, k, [&](auto& level_set) {
+      fill_bricks(
+          level_set, LeafValues(path, archive, *level_sets[k]), *level_sets[k],
+          [&](const float* source, float* target) { distances.convert(source, target); },
+          [&](float v) { return distances.tile(v); },
+          [&](std::size_t b, const float* values) {
+            store_level_set(tooth, k, level_set, b, values);
+          });
+    });
   };
   for_each_grid(2, parallel, [&](int job) {
     if (job == 0) return fill_level_set(0);
-    fill_bricks(tooth.tissue, LeafValues(path, archive, *tissue), *tissue, labels, label);
+    fill_bricks(
+        tooth.tissue, LeafValues(path, archive, *tissue), *tissue, labels, label,
+        [&](std::size_t b, const std::uint8_t* values) { tooth.tissue.set_brick(b, values); });
   });
-  // Half of the tissues' bricks are the solid's, and nearly all of an intact solid's.
+  // Half of the tissues' bricks are the solid's, and nearly all of an intact solid's; most of the
+  // others of enamel and pulp are the negative of dentin's.
   tooth.solid.freeze();
   tooth.tissue.freeze();
-  for_each_grid(level_sets_of(tooth) - 1, parallel, [&](int job) { fill_level_set(job + 1); });
+  std::vector<int> first = {kDentin}, then = {kDentin - 1, kDentin + 1};
+  for (int k = kAlways; k < level_sets_of(tooth); ++k) first.push_back(k);
+  for (const std::vector<int>& some : {first, then})
+    for_each_grid(static_cast<int>(some.size()), parallel,
+                  [&](int job) { fill_level_set(some[static_cast<std::size_t>(job)]); });
   check_parts(path, tooth);
   read_bodies(path, archive, tooth);
 
@@ -831,7 +862,7 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
   openvdb::GridPtrVec grids{tissue};
   describe(*tissue, "tissue", tooth);
   for (int k = 0; k < level_sets_of(tooth); ++k) {
-    level_sets[k] = FloatGrid::create(level_set(tooth, k).background());
+    level_sets[k] = FloatGrid::create(tooth.solid.background());
     level_sets[k]->setGridClass(openvdb::GRID_LEVEL_SET);
     describe(*level_sets[k], kLevelSetNames[k], tooth);
     grids.push_back(level_sets[k]);
@@ -849,9 +880,10 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
     } else if (job == 1) {
       fill_tree(*tissue, tooth.tissue, [](std::uint8_t v) { return v != 0; });
     } else {
-      const LevelSet& bricks = level_set(tooth, job - 2);
-      const float band = bricks.background();
-      fill_tree(*level_sets[job - 2], bricks, [band](float v) { return std::abs(v) < band; });
+      const float band = tooth.solid.background();
+      with_level_set(tooth, job - 2, [&](const auto& bricks) {
+        fill_tree(*level_sets[job - 2], bricks, [band](float v) { return std::abs(v) < band; });
+      });
     }
   });
   // Programs that rewrite a .vdb tend to keep the grids' metadata and drop the file's.

@@ -132,8 +132,10 @@ std::unique_ptr<Part> count_part(const Samples& samples, const CellCases& cases)
 
 TriangleMesh extract_surface(const LayeredTooth& tooth, SurfaceOf what) {
   const CellCases& cases = cell_cases();
-  const LevelSet& grid =
-      what == SurfaceOf::kAll ? tooth.solid : tooth.remains[static_cast<int>(what) - 1];
+  const LevelSet tissue = what == SurfaceOf::kAll
+                              ? LevelSet()
+                              : tooth.remains[static_cast<std::size_t>(what) - 1].unpacked();
+  const LevelSet& grid = what == SurfaceOf::kAll ? tooth.solid : tissue;
   const Bricks bricks(grid);
   std::vector<std::unique_ptr<Part>> parts(bricks.size());
   tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t b) {

@@ -37,7 +37,7 @@ TissueVolume tissue_volume(const LayeredTooth& tooth) {
     for (int y = 0; y < volume.counts.y(); ++y)
       for (int x = 0; x < volume.counts.x(); ++x) {
         const Index3 v = first + step * Index3(x, y, z);
-        for (const LevelSet& remains : tooth.remains)
+        for (const PackedLevelSet& remains : tooth.remains)
           volume.samples[at++] = depth_byte(-remains.value(v.x(), v.y(), v.z()), tooth.band());
         const bool other = static_cast<Tissue>(tooth.tissue.value(v.x(), v.y(), v.z())) ==
                            Tissue::kOther;  // which has no level set
