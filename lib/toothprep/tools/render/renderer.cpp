@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <span>
@@ -108,7 +109,8 @@ struct Tile {
   static constexpr int kAround = 2;
   int left, top, width, height;  // pixels
   std::vector<Seen> centres, corners;
-  std::vector<bool> lit;
+  static constexpr std::uint8_t kDark = 1, kLit = 2;
+  std::vector<std::uint8_t> light;  // of each corner one of these, or 0 where nothing is seen
 
   const Seen& centre(int x, int y) const {
     return centres[static_cast<std::size_t>(y * width + x)];
@@ -128,12 +130,14 @@ struct Tile {
   }
   // Whether the corners in and around a pixel are in the key light; nothing where they disagree.
   std::optional<bool> all_lit(int x, int y) const {
-    const bool one = lit[corner(x, y)];
-    for (int v = y - kAround; v <= y + kAround + 1; ++v)
-      for (int u = x - kAround; u <= x + kAround + 1; ++u)
-        if (lit[corner(u, v)] != one && corners[corner(u, v)].depth < kInfinity)
-          return std::nullopt;
-    return one;
+    constexpr std::size_t kCorners = 2 * kAround + 2;  // each way
+    unsigned all = 0;
+    for (int v = y - kAround; v <= y + kAround + 1; ++v) {
+      const std::uint8_t* row = light.data() + corner(x - kAround, v);
+      for (std::size_t u = 0; u < kCorners; ++u) all |= row[u];
+    }
+    if (all == (kDark | kLit)) return std::nullopt;
+    return all == kLit;
   }
 };
 
@@ -511,13 +515,14 @@ struct Renderer::Pass {
   }
 
   void light_corners(Tile& tile) const {
-    tile.lit.assign(tile.corners.size(), false);
+    tile.light.assign(tile.corners.size(), 0);
     std::array<TreeRay, TriangleTree::kTogether> rays;
     std::array<std::size_t, TriangleTree::kTogether> corner{};
     std::size_t count = 0, at = 0;
     const auto shoot = [&] {
       const std::uint32_t met = blocked({rays.data(), count});
-      for (std::size_t i = 0; i < count; ++i) tile.lit[corner[i]] = (met >> i & 1) == 0;
+      for (std::size_t i = 0; i < count; ++i)
+        if ((met >> i & 1) == 0) tile.light[corner[i]] = Tile::kLit;
       count = 0;
     };
     for (int y = tile.top - Tile::kAround; y <= tile.top + tile.height + Tile::kAround; ++y)
@@ -525,6 +530,7 @@ struct Renderer::Pass {
            ++x, ++at) {
         const Seen& seen = tile.corners[at];
         if (seen.depth == kInfinity) continue;
+        tile.light[at] = Tile::kDark;
         // Neighbouring corners take the four parts of the lamp.
         const auto ray = key_ray(seen, corner_lamp[static_cast<std::size_t>((x & 1) + 2 * (y & 1))],
                                  pixel_noise(x, y));
