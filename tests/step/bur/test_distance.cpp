@@ -111,8 +111,8 @@ TEST(BurDistance, SignHoldsAtTheHeightsOfTheJointsAndOnTheAxis) {
             << bur.name() << " at " << r << ", " << z;
         const float fr = static_cast<float>(r), fz = static_cast<float>(z);
         float fast;
-        bur.distances(&fr, &fz, &fast, 1);
-        EXPECT_NEAR(fast, d, 1e-5) << bur.name() << " at " << r << ", " << z;
+        bur.mitred_distances(&fr, &fz, &fast, 1);
+        EXPECT_EQ(fast < 0, d < 0) << bur.name() << " at " << r << ", " << z;
       }
     }
   }
@@ -163,8 +163,22 @@ TEST(BurDistance, OfABallIsTheDistanceFromItsCentreLessItsRadius) {
       EXPECT_NEAR(ball.distance(r, z), std::hypot(r, z - 0.6) - 0.6, 1e-15);
 }
 
-TEST(BurDistances, AgreeWithTheExactDistanceNearTheSurface) {
+// The larger of the distances from the lines through an edge's two faces.
+double beyond_faces(const SharpEdge& e, double r, double z) {
+  const auto beyond = [&](const ProfilePoint& p) {
+    return (r - p.r) * p.along_z - (z - p.z) * p.along_r;
+  };
+  return std::max(beyond(e.before), beyond(e.after));
+}
+
+// Whether the edge, and no place beside it, is nearest.
+bool is_nearest(const SharpEdge& e, double r, double z, double distance) {
+  return std::abs(std::hypot(r - e.after.r, z - e.after.z) - distance) < 1e-9;
+}
+
+TEST(MitredDistances, AreDistancesButOutsideOfSharpEdges) {
   for (const Bur& bur : all_burs()) {
+    const std::vector<SharpEdge> edges = sharp_edges(bur.profile());
     Random random(4);
     std::vector<float> r, z;
     while (r.size() < 4000) {
@@ -177,12 +191,17 @@ TEST(BurDistances, AgreeWithTheExactDistanceNearTheSurface) {
       z.push_back(0.1f * static_cast<float>(r.size() / 24 % 80) - 0.5f);
     }
     std::vector<float> d(r.size());
-    bur.distances(r.data(), z.data(), d.data(), static_cast<int>(r.size()));
+    bur.mitred_distances(r.data(), z.data(), d.data(), static_cast<int>(r.size()));
     double worst = 0, worst_far = 0;
     for (std::size_t i = 0; i < r.size(); ++i) {
       const double exact = bur.distance(r[i], z[i]);
+      double expected = exact;
+      for (const SharpEdge& e : edges)
+        if (exact > 0 && is_nearest(e, r[i], z[i], exact)) expected = beyond_faces(e, r[i], z[i]);
+      // In front of a concave part an edge farther away may be mitred as well.
+      if (!is_convex(bur.profile()) && d[i] < exact - 1e-5 && d[i] > 0) continue;
       (std::abs(exact) < 0.5 ? worst : worst_far) =
-          std::max(std::abs(exact) < 0.5 ? worst : worst_far, std::abs(d[i] - exact));
+          std::max(std::abs(exact) < 0.5 ? worst : worst_far, std::abs(d[i] - expected));
     }
     EXPECT_LT(worst, 1e-5) << bur.name();
     // Farther away, as coordinates up to 10 mm round: some ulps of 1e-6 mm.
@@ -190,18 +209,42 @@ TEST(BurDistances, AgreeWithTheExactDistanceNearTheSurface) {
   }
 }
 
-TEST(BurDistances, OfAPointDoNotDependOnItsNeighboursOrTheirNumber) {
+TEST(MitredDistances, HaveTheSignOfTheDistanceAndAreNoLargerAndNoSteeper) {
+  for (const Bur& bur : all_burs()) {
+    Random random(8);
+    for (int k = 0; k < 2000; ++k) {
+      const auto near = [&](double value) {
+        return static_cast<float>(std::max(0.0, value + random.within(-0.02, 0.02)));
+      };
+      const double at_r = random.within(0, bur.max_radius() + 0.3),
+                   at_z = random.within(0, bur.head_length() + 0.3);
+      const float r[2] = {near(at_r), near(at_r)}, z[2] = {near(at_z) - 0.1f, near(at_z) - 0.1f};
+      float d[2];
+      bur.mitred_distances(r, z, d, 2);
+      for (int i = 0; i < 2; ++i) {
+        const double exact = bur.distance(r[i], z[i]);
+        EXPECT_LT(d[i], exact + 1e-5) << bur.name() << " at " << r[i] << ", " << z[i];
+        if (std::abs(exact) < 1e-5) continue;
+        EXPECT_EQ(d[i] < 0, exact < 0) << bur.name() << " at " << r[i] << ", " << z[i];
+      }
+      EXPECT_LT(std::abs(d[1] - d[0]), std::hypot(r[1] - r[0], z[1] - z[0]) + 1e-5f)
+          << bur.name() << " at " << r[0] << ", " << z[0];
+    }
+  }
+}
+
+TEST(MitredDistances, OfAPointDoNotDependOnItsNeighboursOrTheirNumber) {
   const Bur bur = make_bur("pear:D1.0xL2.0xN0.5", "");
   constexpr int kMost = 70;
   std::vector<float> r(kMost), z(kMost), alone(kMost);
   for (int i = 0; i < kMost; ++i) {
     r[i] = 0.013f * static_cast<float>(i);
     z[i] = 0.031f * static_cast<float>(i) - 0.1f;
-    bur.distances(&r[i], &z[i], &alone[i], 1);
+    bur.mitred_distances(&r[i], &z[i], &alone[i], 1);
   }
   for (int n = 0; n <= kMost; ++n) {
     std::vector<float> d(n + 1, -7.0f);
-    bur.distances(r.data(), z.data(), d.data(), n);
+    bur.mitred_distances(r.data(), z.data(), d.data(), n);
     for (int i = 0; i < n; ++i) EXPECT_EQ(d[i], alone[i]) << "n " << n << ", i " << i;
     EXPECT_EQ(d[n], -7.0f) << "wrote beyond n = " << n;
   }
@@ -218,8 +261,8 @@ TEST(BurDistance, IsTheSameToTheLastBitForEveryProcessor) {
   const std::vector<DistanceKernel> kernels = distance_kernels();
   for (const Bur& bur : all_burs()) {
     std::vector<float> used(r.size()), one(r.size());
-    bur.distances(r.data(), z.data(), used.data(), n);
-    for (int i = 0; i < n; ++i) bur.distances(&r[i], &z[i], &one[i], 1);
+    bur.mitred_distances(r.data(), z.data(), used.data(), n);
+    for (int i = 0; i < n; ++i) bur.mitred_distances(&r[i], &z[i], &one[i], 1);
     EXPECT_EQ(used, one) << bur.name();
     const DistanceOutline<float> outline = fast_outline(bur.profile());
     for (const DistanceKernel& kernel : kernels) {

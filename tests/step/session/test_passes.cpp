@@ -179,6 +179,11 @@ TEST(OverlappingPasses, WorkIsThreeTimesCloserAtHalfOfThat) {
   }
 }
 
+// Cuts are due after two voxels there.
+TEST(OverlappingPasses, WorkIsAsCloseAtAQuarterOfThat) {
+  for (Passes p : selection()) expect_right(p, errors_of(p, 0.025, 0.003, 0.0005));
+}
+
 TEST(OverlappingPasses, SideStepsFromAFiftiethToHalfOfTheDiameterAreRight) {
   for (const char* bur : {"ball:D1.2", "cylinder:D1.2xL4.0xR0.3"})  // the second ends in a torus
     for (const double step : {0.024, 0.6})
@@ -221,6 +226,26 @@ TEST(OverlappingPasses, BackThroughItsOwnSlotABurThatLeansAtAnyAngleFeelsNextToN
   EXPECT_LT(coarse.worst, 0.004);
   EXPECT_LT(fine.mean, 0.0002);
   EXPECT_LT(fine.worst, 0.001);
+}
+
+TEST(OverlappingPasses, BesideTheSlotOfALeaningFlatEndedBurWorkIsRight) {
+  for (const double voxel : {0.1, 0.05})
+    for (const char* bur : {"cylinder:D1.2xL3.0", "inverted-cone:D1.2xL1.6xA8"})
+      for (const double along : {-0.17, 0.08, 0.35})
+        EXPECT_LT(errors_of({bur, 0.43, 0.05, along, 0.5, {0, 0.2, 0.5, -0.3}}, voxel, 0.003,
+                            voxel > 0.07 ? 0.0045 : 0.0035)
+                      .beyond,
+                  1)
+            << bur << ", leant by " << along << ", " << voxel;
+}
+
+// Of elements at the slot's floor dentin alone is left to cover, where the tissues meet above it.
+TEST(OverlappingPasses, WhereTissuesMeetWhatIsCoveredCounts) {
+  for (const double depth : {0.42, 0.44, 0.46}) {
+    const Passes p = {"cylinder:D1.2xL3.0", depth, 0, -0.17, 0.5, {0, 0.2}};
+    expect_right(p, errors_of(p, 0.1));
+    expect_right(p, errors_of(p, 0.05, 0.003, 0.0008));
+  }
 }
 
 // Layer upon layer: each pass 0.1 mm below the one before.

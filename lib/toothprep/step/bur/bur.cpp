@@ -109,6 +109,8 @@ DistanceOutline<float> in_float(const DistanceOutline<double>& from) {
   for (const auto& p : from.right_arcs) to.right_arcs.push_back(arc(p));
   for (const auto& p : from.left_arcs) to.left_arcs.push_back(arc(p));
   for (const auto& p : from.points) to.points.push_back({f(p.r), f(p.z)});
+  for (const auto& p : from.corners)
+    to.corners.push_back({f(p.r), f(p.z), f(p.from_r), f(p.from_z), f(p.to_r), f(p.to_z)});
   return to;
 }
 
@@ -179,7 +181,11 @@ void add_elements(SurfaceElements& out, const ProfilePiece& piece, double size, 
 }  // namespace
 
 DistanceOutline<float> fast_outline(const std::vector<ProfilePiece>& head) {
-  return in_float(outline_of(head));
+  DistanceOutline<double> outline = outline_of(head);
+  for (const SharpEdge& e : sharp_edges(head))
+    outline.corners.push_back({e.after.r, e.after.z, e.before.along_r, e.before.along_z,
+                               e.after.along_r, e.after.along_z});
+  return in_float(outline);
 }
 
 Bur::Bur(std::string name, std::vector<ProfilePiece> head, double shank_radius, double shank_top)

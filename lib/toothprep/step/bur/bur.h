@@ -48,9 +48,14 @@ struct DistanceOutline {
   struct Point {  // a joint of the outline
     T r, z;       // mm
   };
+  struct Corner {                  // a sharp edge
+    T r, z;                        // mm
+    T from_r, from_z, to_r, to_z;  // unit directions of travel before and behind it
+  };
   std::vector<Line> lines;                 // all straight pieces
   std::vector<Arc> right_arcs, left_arcs;  // by the half of the circle that they lie in
   std::vector<Point> points;               // joints that no line ends in
+  std::vector<Corner> corners;             // to be mitred
 };
 
 class Bur {  // immutable; lengths in mm, frame B; may be read from several threads
@@ -70,10 +75,12 @@ class Bur {  // immutable; lengths in mm, frame B; may be read from several thre
   // Exact signed distance to the head's surface (closing disc included), mm, negative inside. r >=
   // 0.
   [[nodiscard]] double distance(double r, double z) const noexcept;
-  // The same for n points, written for the compiler's vectoriser: the step's removal calls it for
-  // rows of voxels. Within float rounding of distance(). The value of a point doesn't depend on its
-  // neighbours.
-  void distances(const float* r, const float* z, float* out, int n) const noexcept;
+  // What removal carves by, mm, for n points: within float rounding of distance(), but mitred outside
+  // of sharp edges: there it is the larger of the distances from the planes of the edge's two faces.
+  // That is 0 where the distance is, and rises as slowly outside of the edge as it does inside, so
+  // that what is interpolated between voxels errs to neither side. The value of a point doesn't depend
+  // on its neighbours.
+  void mitred_distances(const float* r, const float* z, float* out, int n) const noexcept;
 
   [[nodiscard]] double head_volume() const;    // mm³, exact
   [[nodiscard]] double grinding_area() const;  // mm², exact (pieces with grinds)

@@ -8,7 +8,7 @@
 // distance itself is an ulp: the sign cannot fail at corners, as one taken from the nearest piece's
 // normal does.
 //
-// Both precisions run the same formulas. distances() runs them over short blocks with the pieces
+// Both precisions run the same formulas. mitred_distances() runs them over short blocks with the pieces
 // outside and the points inside, without a branch, so that the compiler vectorises the inner loops
 // (at -O3; sqrt needs -fno-math-errno, set for this file in CMakeLists.txt). They are compiled for
 // SSE2 and for AVX2 without fused multiply-add; each point's operations are the same in both, and so
@@ -88,6 +88,23 @@ TOOTHPREP_INLINE void measure(const typename DistanceOutline<T>::Point& p, const
   }
 }
 
+// Where the corner is nearest, past the end of the one face and before the beginning of the other,
+// the larger of the distances from their planes.
+template <int N, class T>
+TOOTHPREP_INLINE void mitre(const typename DistanceOutline<T>::Corner& p, const T* r, const T* z,
+                            T* out) {
+  const typename DistanceOutline<T>::Corner c = p;
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const T q_r = r[i] - c.r, q_z = z[i] - c.z, d = out[i];
+    const T past = q_r * c.from_r + q_z * c.from_z, before = q_r * c.to_r + q_z * c.to_z;
+    const T from = q_r * c.from_z - q_z * c.from_r, to = q_r * c.to_z - q_z * c.to_r;
+    const T larger = from > to ? from : to;
+    const int nearest = int(past >= T(0)) & int(before <= T(0)) & int(larger < d);
+    out[i] = nearest ? larger : d;
+  }
+}
+
 template <int N, class T>
 TOOTHPREP_INLINE void signed_distances(const DistanceOutline<T>& outline, const T* r, const T* z,
                                        T* out) {
@@ -107,6 +124,7 @@ TOOTHPREP_INLINE void signed_distances(const DistanceOutline<T>& outline, const 
     const T d = std::sqrt(squared[i]);
     out[i] = inside[i] ? -d : d;
   }
+  for (const auto& c : outline.corners) mitre<N, T>(c, r, z, out);
 }
 
 TOOTHPREP_INLINE void distances_by_block(const DistanceOutline<float>& outline, const float* r,
@@ -163,7 +181,7 @@ double Bur::distance(double r, double z) const noexcept {
   return d;
 }
 
-void Bur::distances(const float* r, const float* z, float* out, int n) const noexcept {
+void Bur::mitred_distances(const float* r, const float* z, float* out, int n) const noexcept {
   kFastest(fast_, r, z, out, n);
 }
 

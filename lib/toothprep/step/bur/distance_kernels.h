@@ -1,4 +1,4 @@
-// The distance function as compiled for the processors that it may run on. Internal: Bur::distances()
+// The distance function as compiled for the processors that it may run on. Internal: Bur::mitred_distances()
 // takes the last one; all give the same bits.
 #pragma once
 

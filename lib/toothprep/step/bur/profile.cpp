@@ -141,6 +141,29 @@ ProfilePoint point_on(const ProfilePiece& piece, double fraction) {
           turn * std::cos(angle)};
 }
 
+bool is_convex(const std::vector<ProfilePiece>& outline) {
+  constexpr double kLevel = 1e-9;
+  double before_r = 1, before_z = 0;  // along the tip's mirror image at its flattest
+  for (const ProfilePiece& piece : outline) {
+    if (piece.kind == Kind::kArc && !piece.convex) return false;
+    const ProfilePoint from = point_on(piece, 0), to = point_on(piece, 1);
+    if (before_r * from.along_z - before_z * from.along_r < -kLevel) return false;
+    before_r = to.along_r;
+    before_z = to.along_z;
+  }
+  return before_z >= -kLevel;
+}
+
+std::vector<SharpEdge> sharp_edges(const std::vector<ProfilePiece>& outline, double least_sine) {
+  std::vector<SharpEdge> edges;
+  for (std::size_t i = 1; i < outline.size(); ++i) {
+    if (!outline[i - 1].grinds || !outline[i].grinds) continue;
+    const ProfilePoint a = point_on(outline[i - 1], 1), b = point_on(outline[i], 0);
+    if (a.along_r * b.along_z - a.along_z * b.along_r > least_sine) edges.push_back({a, b});
+  }
+  return edges;
+}
+
 ProfileBounds bounds_of(const ProfilePiece& piece) {
   ProfileBounds box = {std::min(piece.r0, piece.r1), std::max(piece.r0, piece.r1),
                        std::min(piece.z0, piece.z1), std::max(piece.z0, piece.z1)};

@@ -38,6 +38,18 @@ struct ProfilePoint {       // a place on the outline
 // The point at `fraction` (0 to 1) of the piece's length.
 [[nodiscard]] ProfilePoint point_on(const ProfilePiece& piece, double fraction);
 
+// Whether the outline only turns left, from at least level at the tip to at least level at the other
+// end.
+[[nodiscard]] bool is_convex(const std::vector<ProfilePiece>& outline);
+
+// Where the outline turns outwards, between two pieces that grind.
+struct SharpEdge {
+  ProfilePoint before, after;  // at the one place, along the piece before it and the one behind it
+};
+// Those that turn by more than asin(least_sine).
+[[nodiscard]] std::vector<SharpEdge> sharp_edges(const std::vector<ProfilePiece>& outline,
+                                                 double least_sine = 0.05);
+
 struct ProfileBounds {                // the rectangle around a piece
   double r_min, r_max, z_min, z_max;  // mm
 };

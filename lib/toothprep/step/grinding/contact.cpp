@@ -79,19 +79,14 @@ void ContactModel::add_element(std::size_t i) {
 void ContactModel::note_edges(const Bur& bur) {
   const SurfaceElements& e = elements_;
   edge_.assign(e.size(), 0);
-  const std::vector<ProfilePiece>& outline = bur.profile();
-  for (std::size_t k = 1; k < outline.size(); ++k) {
-    const ProfilePoint before = point_on(outline[k - 1], 1), after = point_on(outline[k], 0);
-    const double turn = before.along_r * after.along_z - before.along_z * after.along_r;
-    if (turn < kSharpEdge) continue;
+  for (const SharpEdge& edge : sharp_edges(bur.profile(), kSharpEdge))
     for (std::size_t i = 0; i < e.size(); ++i) {
       const double r = static_cast<double>(e.radius[i]);
-      const double to_r = after.r - r, to_z = after.z - static_cast<double>(e.z[i]);
+      const double to_r = edge.after.r - r, to_z = edge.after.z - static_cast<double>(e.z[i]);
       if (std::hypot(to_r, to_z) > 1.1 * static_cast<double>(e.half_along[i])) continue;
       const double along_r = (e.lx[i] * e.x[i] + e.ly[i] * e.y[i]) / r;
       edge_[i] = to_r * along_r + to_z * e.lz[i] < 0 ? -1 : 1;
     }
-  }
 }
 
 // The point of element i at the given places (-1 .. 1) around the axis and along the profile, with

@@ -28,7 +28,7 @@ constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
 constexpr float kAcross = 10;             // 1 / sine from which on a motion isn't along it any more
 // The floor that it left ahead of the bur, likewise.
-constexpr float kFloorStandsOut = 0.08f;
+constexpr float kFloorStandsOut = 0.04f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
 

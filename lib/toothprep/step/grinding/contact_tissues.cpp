@@ -20,16 +20,25 @@ struct HalfAxes {
   float range_around(const FieldSample& s) const {
     return s.gx * around.x() + s.gy * around.y() + s.gz * around.z();
   }
-  float extent(const FieldSample& s) const {
-    return std::abs(range_along(s)) + std::abs(range_around(s));
-  }
 };
 
-// How a place is shared among the tissues; adds up to 1, or to 0 in air. By the tissues' level
-// sets; where a tissue without one occurs, by the trilinear blend of the labels.
+// The middle of what is covered of a piece, -1 .. 1 along its axes.
+struct Middle {
+  float x, y;
+};
+
+// Half range of a field over what is covered of a piece, by those over all of it. Exact where that is
+// a part on one side of a line along an axis: it is as wide as its middle is far from the other side.
+template <class T>
+T range_over_covered(const T& along, const T& around, const T& x, const T& y) noexcept {
+  return magnitude(along) * (1 - magnitude(x)) + magnitude(around) * (1 - magnitude(y));
+}
+
+// How what is covered of a piece is shared among the tissues; adds up to 1, or to 0 in air. By the
+// tissues' level sets; where a tissue without one occurs, by the trilinear blend of the labels.
 void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& cell,
                    const Eigen::Vector3f& in_cell, const Eigen::Vector3f& ahead,
-                   const HalfAxes& axes, PerTissue<float>& share) noexcept {
+                   const HalfAxes& axes, const Middle& covered, PerTissue<float>& share) noexcept {
   const LabelGrid& labels = workpiece.labels();
   if (labels.is_uniform(brick) && (cell.x() & 7) < 7 && (cell.y() & 7) < 7 && (cell.z() & 7) < 7) {
     const std::uint8_t label = labels.uniform_value(brick);
@@ -55,7 +64,9 @@ void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& 
       float corners[8];
       cell_corners(workpiece.tooth().remains[k], cell.x(), cell.y(), cell.z(), corners);
       const FieldSample s = sample_cell(corners, in_cell.x(), in_cell.y(), in_cell.z());
-      share[k] = share_inside(at_surface(s, ahead), axes.extent(s));
+      const float along = axes.range_along(s), around = axes.range_around(s);
+      share[k] = share_inside(at_surface(s, ahead) + along * covered.x + around * covered.y,
+                              range_over_covered(along, around, covered.x, covered.y));
       sum += share[k];
     }
     if (sum > 0) {
@@ -161,9 +172,10 @@ Int4 ContactModel::share_tissues(const Workpiece& workpiece, const HalfAxes4& ax
   Float4 sum{};
   for (int k = 0; k < KeptTissues::kFields; ++k) {
     const FourSamples field = kept.tissues[k].at(s.fx, s.fy, s.fz);
-    const Float4 extent = magnitude(axes.range_along(field)) + magnitude(axes.range_around(field));
-    const Float4 share =
-        0.5f - 0.5f * at_surface4(field, s.ahead) / greatest(extent, all4(kLeastExtent));
+    const Float4 along = axes.range_along(field), around = axes.range_around(field);
+    const Float4 value = at_surface4(field, s.ahead) + along * s.x + around * s.y;
+    const Float4 extent = range_over_covered(along, around, s.x, s.y);
+    const Float4 share = 0.5f - 0.5f * value / greatest(extent, all4(kLeastExtent));
     of_tissue[k] = least(greatest(share, Float4{}), all4(1));
     sum += of_tissue[k];
   }
@@ -181,7 +193,8 @@ PerTissue<float> ContactModel::shares_of(const Scan& scan, const Pieces& pieces,
   PerTissue<float> shares{};
   tissue_shares(scan.workpiece, static_cast<std::size_t>(s.cells->brick[p]),
                 Index3(s.cells->x[p], s.cells->y[p], s.cells->z[p]),
-                Eigen::Vector3f(s.fx[p], s.fy[p], s.fz[p]), s.ahead, axes, shares);
+                Eigen::Vector3f(s.fx[p], s.fy[p], s.fz[p]), s.ahead, axes, {s.x[p], s.y[p]},
+                shares);
   for (float& k : shares) k *= s.share[p];
   return shares;
 }

@@ -6,19 +6,13 @@
 namespace toothprep {
 namespace {
 
-constexpr double kSharp = 0.05;  // sine of the outline's turn, at least
-constexpr int kPlaces = 16;      // along an edge, from one side of the motion to the other
+constexpr int kPlaces = 16;  // along an edge, from one side of the motion to the other
 
 }  // namespace
 
 EdgeRidges::EdgeRidges(const Bur& bur) {
-  const std::vector<ProfilePiece>& outline = bur.profile();
-  for (std::size_t i = 1; i < outline.size(); ++i) {
-    if (!outline[i].grinds) continue;
-    const ProfilePoint a = point_on(outline[i - 1], 1), b = point_on(outline[i], 0);
-    if (a.along_r * b.along_z - a.along_z * b.along_r > kSharp)
-      edges_.push_back({a.along_z, -a.along_r, b.along_z, -b.along_r});
-  }
+  for (const SharpEdge& e : sharp_edges(bur.profile()))
+    edges_.push_back({e.before.along_z, -e.before.along_r, e.after.along_z, -e.after.along_r});
 }
 
 double EdgeRidges::height_per_step(const Vec3& along) const noexcept {

@@ -29,19 +29,6 @@ double distance_of(const ProfilePoint& p, double r, double z) {
 
 }  // namespace
 
-bool is_convex(const std::vector<ProfilePiece>& outline) {
-  constexpr double kLevel = 1e-9;
-  double before_r = 1, before_z = 0;  // along the tip's mirror image at its flattest
-  for (const ProfilePiece& piece : outline) {
-    if (piece.kind == ProfilePiece::Kind::kArc && !piece.convex) return false;
-    const ProfilePoint from = point_on(piece, 0), to = point_on(piece, 1);
-    if (before_r * from.along_z - before_z * from.along_r < -kLevel) return false;
-    before_r = to.along_r;
-    before_z = to.along_z;
-  }
-  return before_z >= -kLevel;
-}
-
 FeedSides::FeedSides(const Bur& bur, double ball, double reach)
     : ball_(static_cast<float>(ball)), reach_(static_cast<float>(reach)) {
   if (!is_convex(bur.profile())) return;

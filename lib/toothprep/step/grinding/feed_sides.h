@@ -20,10 +20,6 @@
 
 namespace toothprep {
 
-// A convex head: its outline only turns left, from at least level at the tip to at least level at the
-// other end.
-bool is_convex(const std::vector<ProfilePiece>& outline);
-
 class FeedSides {
  public:
   enum class Side { kEither, kAhead, kBehind };

@@ -18,11 +18,14 @@ constexpr std::size_t kMaxSubPoses = 32;
 // Of the way that is not yet cut, at most; and how many are due, however little way they are.
 constexpr std::size_t kMostWaypoints = 512;
 constexpr std::size_t kDueWaypoints = 12;
-// Distance of sub-poses: half a voxel, and a little more, so that a cut that is due by a hair takes
-// two.
-constexpr double kSubPoseVoxels = 0.55;
-// Where a sharp edge cuts, nearer, so that the ridges between them are no higher than this.
-constexpr double kRidge = 0.03;  // voxels
+// A cut is due after a voxel of way, or after this: finer voxels would be carved more often, not
+// better.
+constexpr double kLeastDue = 0.05;  // mm
+// Distance of sub-poses, of the way after which a cut is due: half, and a little more, so that a cut
+// that is due by a hair takes two.
+constexpr double kSubPoses = 0.55;
+// Where a sharp edge cuts, nearer, so that the ridges between them are no higher than this, likewise.
+constexpr double kRidge = 0.03;
 // Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
 // judged by their centre.
 constexpr int kBlockEdge = 4;
@@ -111,12 +114,12 @@ void least_of_blocks(const float* values, bool uniform, float* low) noexcept {
 Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
     : bur_(bur),
       workpiece_(workpiece),
-      due_distance_(workpiece.voxel()),
+      due_distance_(std::max(workpiece.voxel(), kLeastDue)),
       voxel_volume_(std::pow(workpiece.voxel(), 3)),
       arm_(std::hypot(bur.head_length(), bur.max_radius())),
       convex_(is_convex(bur.profile())),
       ridges_(bur),
-      sides_(bur, (kHalfBlock + kSubPoseVoxels) * workpiece.voxel(),
+      sides_(bur, kHalfBlock * workpiece.voxel() + kSubPoses * due_distance_,
              (kBandVoxels + kHalfBlock + 1) * workpiece.voxel()),
       last_(pose),
       carved_at_(pose) {
@@ -147,10 +150,10 @@ void Removal::add_waypoint(const Pose& pose) noexcept {
     if (way_.size() == way_.capacity()) return true;
     const Pose& before = way_.size() > 1 ? way_[way_.size() - 2].pose : last_;
     const double chord = displacement(before, pose);
-    const double length = way_.back().length + step, aside = 2 * kStraight * due_distance_;
+    const double length = way_.back().length + step, aside = 2 * kStraight * workpiece_.voxel();
     const double farthest = displacement(before, way_.back().pose);
-    return chord <= kSubPoseVoxels * due_distance_ &&
-           chord >= farthest - kBeyondEnds * due_distance_ &&
+    return chord <= kSubPoses * due_distance_ &&
+           chord >= farthest - kBeyondEnds * workpiece_.voxel() &&
            length * length - chord * chord <= aside * aside;
   };
   if (moves_on()) {
@@ -205,8 +208,7 @@ void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
   const double voxel = workpiece_.voxel();
   const Vec3 way = way_in_bur(from, to);
   const double ridge = way.squaredNorm() > 0 ? ridges_.height_per_step(way.normalized()) : 0;
-  const double spacing =
-      voxel * (ridge * kSubPoseVoxels > kRidge ? kRidge / ridge : kSubPoseVoxels);
+  const double spacing = due_distance_ * (ridge * kSubPoses > kRidge ? kRidge / ridge : kSubPoses);
   const auto count = static_cast<int>(std::clamp(std::ceil(displacement(from, to) / spacing), 1.0,
                                                  static_cast<double>(kMaxSubPoses)));
   sub_poses_.clear();
@@ -229,7 +231,7 @@ void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
 void Removal::plan_sides(const Pose& from, const Pose& to) noexcept {
   const double voxel = workpiece_.voxel();
   const double step = displacement(from, to) / static_cast<double>(sub_poses_.size());
-  by_sides_ = one_least_ && step <= kSubPoseVoxels * voxel * (1 + 1e-6);
+  by_sides_ = one_least_ && step <= kSubPoses * due_distance_ * (1 + 1e-6);
   from_carved_ = last_carved_;
   if (!by_sides_) return;
   const Vec3 way = way_in_bur(from, to);
@@ -331,7 +333,7 @@ void Removal::measure_brick(const Vec3& centre) noexcept {
     for (std::size_t i = 0; i < some; ++i)
       put_place(sub_poses_[from + i].to_bur, (centre - sub_poses_[from + i].tip).cast<float>(),
                 r[i], z[i]);
-    bur_.distances(r, z, from_brick_.data() + from, static_cast<int>(some));
+    bur_.mitred_distances(r, z, from_brick_.data() + from, static_cast<int>(some));
   }
 }
 
@@ -345,7 +347,7 @@ void Removal::measure_blocks(const Index3& first, Range near) noexcept {
         (first.cast<double>() - s.tip).cast<float>() + Eigen::Vector3f::Constant(kHalf);
     for (int block = 0; block < kBlocks; ++block)
       put_place(s.to_bur, offset + corner_of_block(block).cast<float>(), r[block], z[block]);
-    bur_.distances(r, z, from_blocks_.data() + kBlocks * i, kBlocks);
+    bur_.mitred_distances(r, z, from_blocks_.data() + kBlocks * i, kBlocks);
   }
 }
 
@@ -485,7 +487,7 @@ bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset,
         z[row + k] = rz + m[8] * w;
       }
     }
-  bur_.distances(r, z, d, kBlockVoxels);
+  bur_.mitred_distances(r, z, d, kBlockVoxels);
   int deeper = 0;
   for (int v = 0; v < kBlockVoxels; ++v) {
     deeper |= -d[v] > deepest[v] ? 1 : 0;
