@@ -75,12 +75,13 @@ class ContactModel {
     kCrossed  // by a wall, a surface or a border, or possibly so
   };
   struct Standing {
-    bool inside_tooth = false;             // of the tooth's surface, as a whole
-    bool strips = false;                   // what crosses it runs along the profile
-    std::uint8_t only = 0;                 // the label of the one tissue that it lies in, or 0
-    float share = 0;                       // of it in contact, roughly
-    std::array<float, kPieces> covered{};  // share of each of its pieces; see settled_
-    float ux = 0, uy = 0, uz = 0;          // unit, B: the direction that it was looked for in
+    bool inside_tooth = false;     // of the tooth's surface, as a whole
+    bool strips = false;           // what crosses it runs along the profile
+    std::uint8_t only = 0;         // the label of the one tissue that it lies in, or 0
+    float share = 0;               // of it in contact, roughly
+    float ux = 0, uy = 0, uz = 0;  // unit, B: the direction that it was looked for in
+    // Of each of its pieces what is covered, and its middle; see settled_.
+    std::array<float, kPieces> covered{}, x{}, y{};
   };
   // One sample under way.
   struct Scan;
@@ -150,7 +151,7 @@ class ContactModel {
   std::vector<Found> found_;
   std::vector<Standing> standing_;
   std::vector<float> left_;
-  // Until where on the way each of its pieces is known to be covered as a whole or not at all, mm.
+  // Until where on the way what was found to be covered of its pieces stands, mm.
   std::vector<double> settled_;
   double way_ = 0;
   // The cells of the cut that were read last: of each element's middle, and of its pieces at the

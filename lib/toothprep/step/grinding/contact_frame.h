@@ -137,6 +137,7 @@ struct ContactModel::Lanes {
   KeptCells* cells;    // these
   Int4 live;           // -1: may be in contact, 0: not
   Float4 share, x, y;  // as of CoveredPart
+  Float4 change;       // of the share, per mm of way, at most; see kStays
 };
 
 }  // namespace toothprep

@@ -31,6 +31,8 @@ constexpr float kAcross = 10;             // 1 / sine from which on a motion isn
 constexpr float kFloorStandsOut = 0.04f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
+// And while no share of another may have changed by more than this.
+constexpr float kStays = 0.01f;
 
 // By how much (mm of the field) the floor that a sharp edge left is too high at that edge, from the
 // field's value in the middle of pieces half_along mm long and its rise from the edge to the middle.
@@ -41,6 +43,16 @@ Float4 floor_too_high(const Float4& value, const Float4& rise, float half_along,
   const float most = kFloorStandsOut * voxel;
   const Float4 lower = greatest(least(1.5f * most - 0.5f * thick, all4(most)), Float4{});
   return rise > 0 ? slope * lower : Float4{};
+}
+
+// How fast the share of a piece that a field covers changes at most along the way, per mm, from the
+// field's value, half ranges over the piece and change along the way. Where it doesn't cross the piece,
+// so that kStays is reached no earlier than it does.
+Float4 change_along_way(const Float4& value, const Float4& range_along, const Float4& range_around,
+                        const Float4& along_way) {
+  const Float4 a = magnitude(range_along), b = magnitude(range_around);
+  const Float4 away = (magnitude(value) - (a + b)) / kStays;
+  return magnitude(along_way) / greatest(greatest(2 * greatest(a, b), away), all4(kLeastExtent));
 }
 
 }  // namespace
@@ -69,13 +81,17 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   const bool simple = standing.inside_tooth && standing.only != 0;
   if (simple && found_[i] == Found::kInside) {
     lanes.share = all4(1);
-  } else if (simple && way_ < settled_[i]) {
-    lanes.share = load4(standing.covered.data());
   } else {
+    const bool stands = way_ < settled_[i];
     lanes.cells = &near_[i];
-    locate(scan, pieces, first, lanes);
-    if (found_[i] != Found::kInside) cover(scan, pieces, first, far_[i], lanes);
-    note_settled(scan, i, lanes);
+    if (!stands || !simple) locate(scan, pieces, first, lanes);
+    if (stands) {
+      lanes.share = lanes.live ? load4(standing.covered.data()) : Float4{};
+      lanes.x = load4(standing.x.data()), lanes.y = load4(standing.y.data());
+    } else if (found_[i] != Found::kInside) {
+      cover(scan, pieces, first, far_[i], lanes);
+      note_settled(scan, i, lanes);
+    }
   }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
@@ -85,14 +101,17 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
     add_covered(scan, i, pieces, first, lanes);
 }
 
-// Where every piece that advances is covered as a whole or not at all, that holds for a little of
-// the way.
+// What is covered of the pieces stands for a little of the way, or until it may have changed.
 void ContactModel::note_settled(const Scan& scan, int i, const Lanes& s) noexcept {
+  store4(s.share, standing_[i].covered.data());
+  store4(s.x, standing_[i].x.data());
+  store4(s.y, standing_[i].y.data());
   const Int4 clear = (s.share > 1 - kLeastShare) | (s.share < kLeastShare) | (s.advance <= 0);
-  settled_[i] = -1;
-  if (!all(clear)) return;
-  for (int p = 0; p < kPieces; ++p) standing_[i].covered[p] = s.share[p];
-  settled_[i] = way_ + kSettledVoxels * scan.workpiece.voxel();
+  const double most = kSettledVoxels * scan.workpiece.voxel();
+  const Float4& c = s.change;
+  const float fastest = std::max(std::max(c[0], c[1]), std::max(c[2], c[3]));
+  settled_[i] =
+      way_ + (all(clear) ? most : std::min(most, double{kStays / std::max(fastest, kLeastExtent)}));
 }
 
 // The velocities of the pieces; those that may advance with a velocity that covers() allows live.
@@ -148,12 +167,12 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
   const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
   const IndexFrame& f = scan.frame;
   const FourSamples here = f.gradients(s.cells->cells.at(s.fx, s.fy, s.fz));
-  const Float4 surface =
-      here.value + wall -
-      (kTakenBack * scan.reach * per_speed) * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
-  const CoveredPart<Float4> near =
-      covered_part<Float4>(surface, (here.gx * lx + here.gy * ly + here.gz * lz) * along,
-                           (here.gx * tx + here.gy * ty) * around);
+  const Float4 rise = per_speed * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
+  const Float4 surface = here.value + wall - kTakenBack * scan.reach * rise;
+  const Float4 near_along = (here.gx * lx + here.gy * ly + here.gz * lz) * along,
+               near_around = (here.gx * tx + here.gy * ty) * around;
+  const CoveredPart<Float4> near = covered_part<Float4>(surface, near_along, near_around);
+  s.change = change_along_way(surface, near_along, near_around, rise);
   s.share = s.live ? near.share : Float4{};
   s.x = near.x, s.y = near.y;
   s.live = s.share > kLeastShare;
@@ -166,8 +185,8 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
                scan.cuts);
   const FourSamples there = f.gradients(farther.cells.at(at.fx, at.fy, at.fz));
   const Float4 value = farther.live ? there.value + wall : all4(-1e3f);
-  const Float4 back =
-      value - (look_ahead * per_speed) * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
+  const Float4 rise_there = per_speed * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
+  const Float4 back = value - look_ahead * rise_there;
   const Float4 range_along = (there.gx * lx + there.gy * ly + there.gz * lz) * along,
                range_around = (there.gx * tx + there.gy * ty) * around;
   // How much the surface is curved along the motion.
@@ -176,8 +195,7 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
   const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
   const Float4 towards_edge = range_along * range_along;
   // What an edge left runs along the motion.
-  const Float4 across =
-      (kAcross * per_speed) * magnitude(there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
+  const Float4 across = kAcross * magnitude(rise_there);
   const Float4 of_edge = s.at_edge ? greatest(1 - across, Float4{}) * towards_edge /
                                          greatest(towards_edge + range_around * range_around,
                                                   all4(kLeastExtent * kLeastExtent))
@@ -189,6 +207,8 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
       all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge;
   Float4 hidden = least(least(value, back), surface);
   if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, along, voxel);
+  const Float4 change = change_along_way(hidden, range_along, range_around, rise_there);
+  s.change = s.live ? greatest(s.change, change) : s.change;
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
   const CoveredPart<Float4> far =
       covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,
