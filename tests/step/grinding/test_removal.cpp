@@ -117,8 +117,8 @@ TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
 }
 
 // What is left out, since the bur can't cut it deeper, is not missing: along a straight way the cut is
-// the exact distance from what was swept, but for the ridges between the places of the bur.
-TEST(StraightSweep, TheCutIsTheDistanceFromWhatWasSwept) {
+// the exact mitred distance from what was swept, but for the ridges between the places of the bur.
+TEST(StraightSweep, TheCutIsTheMitredDistanceFromWhatWasSwept) {
   for (const char* name : {"cylinder:D1.2xL3.0", "ball:D1.2", "cone:D1.6xL4.0xT1.2xR0.3"})
     for (const Vec3& way : {Vec3(0.5, 0, 0), Vec3(0.35, -0.3, 0.1), Vec3(0.1, 0.15, -0.4)}) {
       const Bur bur = make_bur(name, "");
@@ -142,7 +142,11 @@ TEST(StraightSweep, TheCutIsTheDistanceFromWhatWasSwept) {
           const Vec3 along = lean.conjugate() * way;
           const auto distance = [&](double t) {
             const Vec3 q = p - t * along;
-            return bur.distance(std::hypot(q.x(), q.y()), q.z());
+            const auto r = static_cast<float>(std::hypot(q.x(), q.y())),
+                       z = static_cast<float>(q.z());
+            float d;
+            bur.mitred_distances(&r, &z, &d, 1);
+            return double{d};
           };
           double low = 0, high = 1;  // of a convex solid it has one least value on the way
           for (int i = 0; i < 25; ++i) {

@@ -21,8 +21,8 @@ constexpr float kParallel = 0.15f;
 // no more is asked for than this part of the depth at which fresh tissue is found.
 constexpr float kWallAtMost = 1.0f / 12;
 constexpr float kFresh = 0.5f;
-// What a sharp edge left stands out by more (voxels): the lattice rounds corners, and inside of a bur
-// the distance from its nearest face rises more slowly than outside. It lies towards the edge, where
+// What a sharp edge left stands out by more (voxels): the lattice rounds corners, and there are ridges
+// between the sub-poses of a sweep. It lies towards the edge, where
 // the wall of an earlier cut beside the bur lies around the axis.
 constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
@@ -46,8 +46,8 @@ Float4 floor_too_high(const Float4& value, const Float4& rise, float half_along,
 }
 
 // How fast the share of a piece that a field covers changes at most along the way, per mm, from the
-// field's value, half ranges over the piece and change along the way. Where it doesn't cross the piece,
-// so that kStays is reached no earlier than it does.
+// field's value, half ranges over the piece and change along the way. Where the field's zero lies outside
+// of the piece, such that it doesn't get there before kStays would be reached.
 Float4 change_along_way(const Float4& value, const Float4& range_along, const Float4& range_around,
                         const Float4& along_way) {
   const Float4 a = magnitude(range_along), b = magnitude(range_around);

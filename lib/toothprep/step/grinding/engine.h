@@ -25,7 +25,7 @@ class GrindingEngine {  // of one bur and one workpiece; states in words what th
   // What the last sample() found.
   virtual const ContactSet& contact() const noexcept = 0;
 
-  // Removal, due every voxel of way (Eq. 20 as a distance).
+  // Removal, due every voxel of way, or every 0.05 mm with finer voxels (Eq. 20 as a distance).
   // Removes at once whatever lies inside the bur at `pose`; returns the volume per tissue, mm³.
   virtual PerTissue<double> clear(const Pose& pose) = 0;
   // The bur has cut its way to `pose`.

@@ -1,9 +1,9 @@
 // Removal of tissue by the level-set engine: cut <- max(cut, -d_bur), with the bur's exact distance
-// d_bur.
+// d_bur, mitred at sharp edges (Bur::mitred_distances).
 //
-// A cut is due when the bur has moved one voxel since the last (Eq. 20 as a distance: it needs no
-// clock). A cut sweeps the bur along its way since the last cut in sub-poses of at most half a voxel,
-// so that a fast move can't jump over tissue. Its work is spread over the following steps, brick by
+// A cut is due when the bur has moved one voxel since the last, or 0.05 mm with finer voxels (Eq. 20
+// as a distance: it needs no clock). A cut sweeps the bur along its way since the last cut in sub-poses
+// of half that way or less, so that a fast move can't jump over tissue. Its work is spread over the following steps, brick by
 // brick, so that no step pays for a whole cut; the carved bricks are put in place all at once when
 // the last is done, so that contact never reads a field that is half carved. Until then the bur meets
 // the same tissue a little deeper below its surface.
