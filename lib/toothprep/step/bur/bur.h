@@ -75,11 +75,11 @@ class Bur {  // immutable; lengths in mm, frame B; may be read from several thre
   // Exact signed distance to the head's surface (closing disc included), mm, negative inside. r >=
   // 0.
   [[nodiscard]] double distance(double r, double z) const noexcept;
-  // What removal carves by, mm, for n points: within float rounding of distance(), but mitred outside
-  // of sharp edges: there it is the larger of the distances from the planes of the edge's two faces.
-  // That is 0 where the distance is, and rises as slowly outside of the edge as it does inside, so
-  // that what is interpolated between voxels errs to neither side. The value of a point doesn't depend
-  // on its neighbours.
+  // What removal carves by, mm, for n points: within float rounding of distance(), but mitred
+  // outside of sharp edges: there it is the larger of the distances from the planes of the edge's
+  // two faces. That is 0 where the distance is, and rises as slowly outside of the edge as it does
+  // inside, so that what is interpolated between voxels errs to neither side. The value of a point
+  // doesn't depend on its neighbours.
   void mitred_distances(const float* r, const float* z, float* out, int n) const noexcept;
 
   [[nodiscard]] double head_volume() const;    // mm³, exact
