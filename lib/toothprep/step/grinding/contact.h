@@ -80,8 +80,10 @@ class ContactModel {
     std::uint8_t only = 0;         // the label of the one tissue that it lies in, or 0
     float share = 0;               // of it in contact, roughly
     float ux = 0, uy = 0, uz = 0;  // unit, B: the direction that it was looked for in
-    // Of each of its pieces what is covered, and its middle; see settled_.
+    // Of each of its pieces what is covered, its middle, and in which tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
+    int tissue = -1;  // of all of them, or -1: as they share them
+    Float4 of_tissue[kTissueCount] = {};
   };
   // One sample under way.
   struct Scan;
@@ -122,17 +124,19 @@ class ContactModel {
   void locate(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void cover(const Scan& scan, const Pieces& pieces, int first, KeptCells& farther,
              Lanes& lanes) const noexcept;
-  void note_settled(const Scan& scan, int i, const Lanes& lanes) noexcept;
+  void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
+                    Lanes& lanes) noexcept;
+  static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void cover_tooth(const Workpiece& workpiece, const HalfAxes4& axes, const Int4& at_surface,
-                   KeptTissues& kept, Lanes& lanes) const noexcept;
-  Int4 share_tissues(const Workpiece& workpiece, const HalfAxes4& axes, const Int4& wanted,
-                     KeptTissues& kept, const Lanes& lanes, Float4* of_tissue) const noexcept;
+  void cover_tooth(const Scan& scan, int i, const Pieces& pieces, int first, Lanes& lanes) noexcept;
+  void share_tissues(const Scan& scan, const HalfAxes4& axes, const Pieces& pieces, int first,
+                     const Int4& counts, const Int4& only, KeptTissues& kept,
+                     Lanes& lanes) const noexcept;
   ContactSet::FourElements middles(const Pieces& pieces, int first,
                                    const Lanes& lanes) const noexcept;
   PerTissue<float> shares_of(const Scan& scan, const Pieces& pieces, int first, int piece,
                              const Lanes& lanes) const noexcept;
-  void add_covered(const Scan& scan, int i, const Pieces& pieces, int first, Lanes& lanes) noexcept;
+  void add_covered(const ContactSet::FourElements& pieces, const Lanes& lanes) noexcept;
 
   SurfaceElements elements_;
   ContactSet contact_;

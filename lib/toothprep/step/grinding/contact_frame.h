@@ -114,6 +114,10 @@ inline float at_surface(const FieldSample& s, const Eigen::Vector3f& ahead) {
   return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
 }
 
+inline Float4 along4(const FourSamples& s, const Eigen::Vector3f& way) {
+  return s.gx * way.x() + s.gy * way.y() + s.gz * way.z();
+}
+
 inline Float4 at_surface4(const FourSamples& s, const Eigen::Vector3f& ahead) {
   return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
 }
@@ -137,7 +141,22 @@ struct ContactModel::Lanes {
   KeptCells* cells;    // these
   Int4 live;           // -1: may be in contact, 0: not
   Float4 share, x, y;  // as of CoveredPart
-  Float4 change;       // of the share, per mm of way, at most; see kStays
+  Float4 change;       // of shares, per mm of way, at most; see kStays
+  int tissue;          // that all of them lie in, or -1: as they share them
+  Float4 of_tissue[kTissueCount];
 };
+
+// What was found of a piece stands until a share may have changed by this.
+constexpr float kStays = 0.01f;
+
+// How fast the share of a piece that a field covers changes at most along the way, per mm, from the
+// field's value, half ranges over the piece and change along the way. Where the field's zero lies
+// outside of the piece, such that it doesn't get there before kStays would be reached.
+inline Float4 change_along_way(const Float4& value, const Float4& range_along,
+                               const Float4& range_around, const Float4& along_way) {
+  const Float4 a = magnitude(range_along), b = magnitude(range_around);
+  const Float4 away = (magnitude(value) - (a + b)) / kStays;
+  return magnitude(along_way) / greatest(greatest(2 * greatest(a, b), away), all4(kLeastExtent));
+}
 
 }  // namespace toothprep

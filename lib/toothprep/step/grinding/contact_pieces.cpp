@@ -31,8 +31,6 @@ constexpr float kAcross = 10;             // 1 / sine from which on a motion isn
 constexpr float kFloorStandsOut = 0.04f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
-// And while no share of another may have changed by more than this.
-constexpr float kStays = 0.01f;
 
 // By how much (mm of the field) the floor that a sharp edge left is too high at that edge, from the
 // field's value in the middle of pieces half_along mm long and its rise from the edge to the middle.
@@ -43,16 +41,6 @@ Float4 floor_too_high(const Float4& value, const Float4& rise, float half_along,
   const float most = kFloorStandsOut * voxel;
   const Float4 lower = greatest(least(1.5f * most - 0.5f * thick, all4(most)), Float4{});
   return rise > 0 ? slope * lower : Float4{};
-}
-
-// How fast the share of a piece that a field covers changes at most along the way, per mm, from the
-// field's value, half ranges over the piece and change along the way. Where the field's zero lies outside
-// of the piece, such that it doesn't get there before kStays would be reached.
-Float4 change_along_way(const Float4& value, const Float4& range_along, const Float4& range_around,
-                        const Float4& along_way) {
-  const Float4 a = magnitude(range_along), b = magnitude(range_around);
-  const Float4 away = (magnitude(value) - (a + b)) / kStays;
-  return magnitude(along_way) / greatest(greatest(2 * greatest(a, b), away), all4(kLeastExtent));
 }
 
 }  // namespace
@@ -79,39 +67,64 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   const Int4 felt = lanes.live;
   if (!any(felt)) return;
   const bool simple = standing.inside_tooth && standing.only != 0;
-  if (simple && found_[i] == Found::kInside) {
+  lanes.tissue = standing.only - 1;
+  if (simple && found_[i] == Found::kInside)
     lanes.share = all4(1);
-  } else {
-    const bool stands = way_ < settled_[i];
-    lanes.cells = &near_[i];
-    if (!stands || !simple) locate(scan, pieces, first, lanes);
-    if (stands) {
-      lanes.share = lanes.live ? load4(standing.covered.data()) : Float4{};
-      lanes.x = load4(standing.x.data()), lanes.y = load4(standing.y.data());
-    } else if (found_[i] != Found::kInside) {
-      cover(scan, pieces, first, far_[i], lanes);
-      note_settled(scan, i, lanes);
-    }
-  }
+  else if (way_ < settled_[i])
+    take_settled(standing, lanes);
+  else
+    find_covered(scan, i, pieces, first, simple, lanes);
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
-  if (simple)
-    contact_.add_four(middles(pieces, first, lanes), standing.only - 1, lanes.share, kLeastShare);
-  else
-    add_covered(scan, i, pieces, first, lanes);
+  add_covered(middles(pieces, first, lanes), lanes);
 }
 
-// What is covered of the pieces stands for a little of the way, or until it may have changed.
-void ContactModel::note_settled(const Scan& scan, int i, const Lanes& s) noexcept {
-  store4(s.share, standing_[i].covered.data());
-  store4(s.x, standing_[i].x.data());
-  store4(s.y, standing_[i].y.data());
-  const Int4 clear = (s.share > 1 - kLeastShare) | (s.share < kLeastShare) | (s.advance <= 0);
+// What is covered of the pieces, and in which tissue.
+void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, int first,
+                                bool simple, Lanes& s) noexcept {
+  s.cells = &near_[i];
+  s.change = Float4{};
+  locate(scan, pieces, first, s);
+  if (found_[i] != Found::kInside) cover(scan, pieces, first, far_[i], s);
+  if (!simple) cover_tooth(scan, i, pieces, first, s);
+
+  Standing& standing = standing_[i];
+  store4(s.share, standing.covered.data());
+  store4(s.x, standing.x.data());
+  store4(s.y, standing.y.data());
+  standing.tissue = s.tissue;
+  if (s.tissue < 0) std::copy_n(s.of_tissue, kTissueCount, standing.of_tissue);
+  const Int4 whole = (s.share > 1 - kLeastShare) | (s.share < kLeastShare) | (s.advance <= 0);
   const double most = kSettledVoxels * scan.workpiece.voxel();
   const Float4& c = s.change;
   const float fastest = std::max(std::max(c[0], c[1]), std::max(c[2], c[3]));
-  settled_[i] =
-      way_ + (all(clear) ? most : std::min(most, double{kStays / std::max(fastest, kLeastExtent)}));
+  settled_[i] = way_ + (s.tissue >= 0 && all(whole)
+                            ? most
+                            : std::min(most, double{kStays / std::max(fastest, kLeastExtent)}));
+}
+
+// The same as it was found before.
+void ContactModel::take_settled(const Standing& standing, Lanes& s) noexcept {
+  s.share = load4(standing.covered.data());
+  s.x = load4(standing.x.data()), s.y = load4(standing.y.data());
+  s.tissue = standing.tissue;
+  if (s.tissue < 0) std::copy_n(standing.of_tissue, kTissueCount, s.of_tissue);
+}
+
+// Puts what is covered into the contact, tissue by tissue.
+void ContactModel::add_covered(const ContactSet::FourElements& e, const Lanes& s) noexcept {
+  if (s.tissue >= 0) {
+    contact_.add_four(e, s.tissue, s.share, kLeastShare);
+    return;
+  }
+  for (int p = 0; p < kPieces; ++p) {
+    if (!(s.share[p] > kLeastShare)) continue;
+    PerTissue<float> share;
+    for (int k = 0; k < kTissueCount; ++k) share[k] = s.of_tissue[k][p] * s.share[p];
+    contact_.add({e.nx[p], e.ny[p], e.nz[p], e.mx[p], e.my[p], e.mz[p], e.tx[p], e.ty[p],
+                  e.weight[p], e.arm[p], e.weight[p] * e.arm[p]},
+                 share);
+  }
 }
 
 // The velocities of the pieces; those that may advance with a velocity that covers() allows live.

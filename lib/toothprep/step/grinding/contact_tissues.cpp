@@ -10,6 +10,8 @@
 namespace toothprep {
 namespace {
 
+constexpr float kUnknown = 1e9f;  // of how fast shares change
+
 // The axes of a piece in index space, scaled by half its extents: what a field's gradient is
 // multiplied by to get its half range.
 struct HalfAxes {
@@ -101,8 +103,8 @@ struct ContactModel::HalfAxes4 {
   }
 };
 
-// Puts what is covered into the contact, tissue by tissue.
-void ContactModel::add_covered(const Scan& scan, int i, const Pieces& pieces, int first,
+// What is covered of the pieces lies in the tooth in part, and in which tissue.
+void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, int first,
                                Lanes& s) noexcept {
   const Workpiece& workpiece = scan.workpiece;
   const Standing& standing = standing_[i];
@@ -116,71 +118,59 @@ void ContactModel::add_covered(const Scan& scan, int i, const Pieces& pieces, in
   const HalfAxes4 axes(scan.frame, pieces, first);
   KeptTissues& kept = tissues_[i];
   kept.move_to(s.cells->x, s.cells->y, s.cells->z);
-  if (any(at_surface)) cover_tooth(workpiece, axes, at_surface, kept, s);
-  const ContactSet::FourElements e = middles(pieces, first, s);
+  if (any(at_surface)) {
+    kept.read_solid(workpiece, at_surface);
+    const FourSamples solid = kept.solid.at(s.fx, s.fy, s.fz);
+    const Float4 value = at_surface4(solid, s.ahead), along = axes.range_along(solid),
+                 around = axes.range_around(solid);
+    const CoveredPart<Float4> part = covered_part<Float4>(value, along, around);
+    const Int4 less = at_surface & (part.share < s.share);
+    s.x = less ? part.x : s.x;
+    s.y = less ? part.y : s.y;
+    s.share = at_surface ? s.share * part.share : s.share;
+    const Float4 change = change_along_way(value, along, around, along4(solid, s.unit));
+    s.change = at_surface ? greatest(s.change, change) : s.change;
+  }
   const Int4 counts = s.share > kLeastShare;
   const std::int32_t one = std::max(std::max(only[0], only[1]), std::max(only[2], only[3]));
-  if (one != 0 && !any(counts & (only != one))) {
-    contact_.add_four(e, one - 1, s.share, kLeastShare);
-    return;
-  }
-  Float4 of_tissue[KeptTissues::kFields] = {};
-  Int4 known{};
-  if (any(counts & (only == 0)))
-    known = share_tissues(workpiece, axes, counts & (only == 0), kept, s, of_tissue);
-  for (int p = 0; p < kPieces; ++p) {
-    if (!counts[p]) continue;
-    const ContactSet::Element lane{e.nx[p],
-                                   e.ny[p],
-                                   e.nz[p],
-                                   e.mx[p],
-                                   e.my[p],
-                                   e.mz[p],
-                                   e.tx[p],
-                                   e.ty[p],
-                                   e.weight[p],
-                                   e.arm[p],
-                                   e.weight[p] * e.arm[p]};
-    if (only[p] != 0)
-      contact_.add(lane, only[p] - 1, s.share[p]);
-    else if (known[p])
-      contact_.add(lane, PerTissue<float>{of_tissue[0][p], of_tissue[1][p], of_tissue[2][p], 0});
-    else
-      contact_.add(lane, shares_of(scan, pieces, first, p, s));
-  }
+  const bool alone = !any(counts & (only != one)), none = !any(counts);
+  s.tissue = none ? 0 : alone ? one - 1 : -1;
+  if (s.tissue < 0) share_tissues(scan, axes, pieces, first, counts, only, kept, s);
 }
 
-// What is covered of the pieces `at_surface` lies in the tooth in part.
-void ContactModel::cover_tooth(const Workpiece& workpiece, const HalfAxes4& axes,
-                               const Int4& at_surface, KeptTissues& kept, Lanes& s) const noexcept {
-  kept.read_solid(workpiece, at_surface);
-  const FourSamples solid = kept.solid.at(s.fx, s.fy, s.fz);
-  const CoveredPart<Float4> part = covered_part<Float4>(
-      at_surface4(solid, s.ahead), axes.range_along(solid), axes.range_around(solid));
-  const Int4 less = at_surface & (part.share < s.share);
-  s.x = less ? part.x : s.x;
-  s.y = less ? part.y : s.y;
-  s.share = at_surface ? s.share * part.share : s.share;
-}
-
-// How the pieces `wanted` are shared among the tissues that have level sets, times what is covered of
-// each. Returns those of which these tell; as tissue_shares(), four at a time.
-Int4 ContactModel::share_tissues(const Workpiece& workpiece, const HalfAxes4& axes,
-                                 const Int4& wanted, KeptTissues& kept, const Lanes& s,
-                                 Float4* of_tissue) const noexcept {
-  kept.read_tissues(workpiece, wanted);
+// How what is covered of the pieces that count is shared among the tissues: by their level sets four at
+// a time, where these tell.
+void ContactModel::share_tissues(const Scan& scan, const HalfAxes4& axes, const Pieces& pieces,
+                                 int first, const Int4& counts, const Int4& only, KeptTissues& kept,
+                                 Lanes& s) const noexcept {
+  const Int4 wanted = counts & (only == 0);
+  std::fill_n(s.of_tissue, kTissueCount, Float4{});
   Float4 sum{};
-  for (int k = 0; k < KeptTissues::kFields; ++k) {
-    const FourSamples field = kept.tissues[k].at(s.fx, s.fy, s.fz);
-    const Float4 along = axes.range_along(field), around = axes.range_around(field);
-    const Float4 value = at_surface4(field, s.ahead) + along * s.x + around * s.y;
-    const Float4 extent = range_over_covered(along, around, s.x, s.y);
-    const Float4 share = 0.5f - 0.5f * value / greatest(extent, all4(kLeastExtent));
-    of_tissue[k] = least(greatest(share, Float4{}), all4(1));
-    sum += of_tissue[k];
+  if (any(wanted)) {
+    kept.read_tissues(scan.workpiece, wanted);
+    for (int k = 0; k < KeptTissues::kFields; ++k) {
+      const FourSamples field = kept.tissues[k].at(s.fx, s.fy, s.fz);
+      const Float4 along = axes.range_along(field), around = axes.range_around(field);
+      const Float4 value = at_surface4(field, s.ahead) + along * s.x + around * s.y;
+      const Float4 extent = range_over_covered(along, around, s.x, s.y);
+      const Float4 share = 0.5f - 0.5f * value / greatest(extent, all4(kLeastExtent));
+      s.of_tissue[k] = least(greatest(share, Float4{}), all4(1));
+      sum += s.of_tissue[k];
+      const Float4 change = change_along_way(value, along, around, along4(field, s.unit));
+      s.change = wanted ? greatest(s.change, change) : s.change;
+    }
+    for (int k = 0; k < KeptTissues::kFields; ++k) s.of_tissue[k] /= sum;
   }
-  for (int k = 0; k < KeptTissues::kFields; ++k) of_tissue[k] = of_tissue[k] / sum * s.share;
-  return wanted & kept.by_fields & (sum > 0);
+  const Int4 known = wanted & kept.by_fields & (sum > 0);
+  for (int p = 0; p < kPieces; ++p) {
+    if (known[p]) continue;
+    PerTissue<float> shares{};
+    if (only[p] != 0)
+      shares[only[p] - 1] = 1;
+    else if (counts[p])
+      shares = shares_of(scan, pieces, first, p, s), s.change[p] = kUnknown;
+    for (int k = 0; k < kTissueCount; ++k) s.of_tissue[k][p] = shares[k];
+  }
 }
 
 // How what is covered of a piece is shared among the tissues.
@@ -195,7 +185,6 @@ PerTissue<float> ContactModel::shares_of(const Scan& scan, const Pieces& pieces,
                 Index3(s.cells->x[p], s.cells->y[p], s.cells->z[p]),
                 Eigen::Vector3f(s.fx[p], s.fy[p], s.fz[p]), s.ahead, axes, {s.x[p], s.y[p]},
                 shares);
-  for (float& k : shares) k *= s.share[p];
   return shares;
 }
 
