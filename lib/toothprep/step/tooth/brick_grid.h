@@ -38,6 +38,7 @@ constexpr int kBrickVoxels = kBrickEdge * kBrickEdge * kBrickEdge;  // 512
 class BrickBox {
  public:
   BrickBox() = default;
+  // `counts` bricks per axis, the first of them number `first`.
   BrickBox(const Index3& first, const Index3& counts) : first_(first), counts_(counts) {}
 
   const Index3& first_brick() const { return first_; }    // lower corner of the box, in bricks
@@ -68,6 +69,7 @@ struct SharedBricks {
   std::shared_ptr<const T> bricks;  // one after the other; the same of all that share them
   std::uint32_t count = 0;          // of them
 
+  // What the bricks take, bytes.
   std::size_t memory_bytes() const { return sizeof(T) * kBrickVoxels * std::size_t{count}; }
 };
 
