@@ -24,7 +24,7 @@ constexpr double kLeastDue = 0.05;  // mm
 // Distance of sub-poses, of the way after which a cut is due: half, and a little more, so that a cut
 // that is due by a hair takes two.
 constexpr double kSubPoses = 0.55;
-// Where a sharp edge cuts, nearer, so that the ridges between them are no higher than this, likewise.
+// Where a sharp edge cuts, nearer, so that the ridges between them are no higher than this part of it.
 constexpr double kRidge = 0.03;
 // Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
 // judged by their centre.
