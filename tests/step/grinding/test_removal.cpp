@@ -120,9 +120,10 @@ TEST_F(RemovalOfACylinder, WhatLiesOnAPausedWayStays) {
 // the exact mitred distance from what was swept, but for the ridges between the places of the bur.
 TEST(StraightSweep, TheCutIsTheMitredDistanceFromWhatWasSwept) {
   for (const char* name : {"cylinder:D1.2xL3.0", "ball:D1.2", "cone:D1.6xL4.0xT1.2xR0.3"})
-    for (const Vec3& way : {Vec3(0.5, 0, 0), Vec3(0.35, -0.3, 0.1), Vec3(0.1, 0.15, -0.4)}) {
+    for (const auto& [way, voxel] :
+         {std::pair(Vec3(0.5, 0, 0), 0.05), std::pair(Vec3(0.35, -0.3, 0.1), 0.05),
+          std::pair(Vec3(0.1, 0.15, -0.4), 0.05), std::pair(Vec3(0.35, -0.3, 0.1), 0.025)}) {
       const Bur bur = make_bur(name, "");
-      const double voxel = 0.05;
       const LayeredTooth tooth = block(voxel, 3, Vec3(4, 3, 3));
       const Quat lean = Quat(0.9, 0.25, -0.1, 0.2).normalized();
       const Vec3 start(-0.2, -1, -0.5);
