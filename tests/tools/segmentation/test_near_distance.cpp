@@ -36,7 +36,7 @@ float brute_distance(const Mask& mask, std::size_t v) {
 
 TEST(NearDistance, IsExactUpToItsReachAndInfiniteBeyond) {
   for (const double share : {0.0005, 0.003, 0.03, 0.5})
-    for (const int reach : {1, 3, 6}) {
+    for (const int reach : {1, 3, 6, 20}) {
       const Mask mask = random_mask(7, share);
       const NearDistance near(kSize, mask, reach);
       for (std::size_t v = 0; v < kVoxels; ++v) {
@@ -47,6 +47,18 @@ TEST(NearDistance, IsExactUpToItsReachAndInfiniteBeyond) {
           ASSERT_TRUE(std::isinf(near[v])) << v << ": " << near[v] << " of " << truth;
       }
     }
+}
+
+TEST(NearDistance, BeyondIsWhereItIsMore) {
+  Mask mask(kVoxels, 0);
+  mask[700] = mask[1200] = 1;
+  for (const int reach : {6, 30}) {  // in one byte, in two
+    const NearDistance near(kSize, mask, reach);
+    for (const double radius : {0.0, 2.5, 5.0, 5.99}) {
+      const auto beyond = near.beyond(radius);
+      for (std::size_t v = 0; v < kVoxels; ++v) EXPECT_EQ(beyond(v), near[v] > radius);
+    }
+  }
 }
 
 TEST(NearDistance, OfNothingIsInfinite) {
@@ -161,6 +173,28 @@ TEST(SignedField, GivesTheSameDistancesAsTheWholeField) {
   EXPECT_EQ(iso_distance(kSize, copied, 3), iso_distance(kSize, values, 3));
 }
 
+TEST(SignedField, SaysWhereItsSignChanges) {
+  std::vector<float> values(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v)
+    values[v] =
+        static_cast<float>(2.6 - (index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7)).norm());
+  const SignedField field(kSize, values);
+  Mask positive(19);
+  int without = 0;
+  for (std::size_t row = 0; row < kVoxels; row += 19) {
+    const RowPart part = field.signs(row, 19, positive.data());
+    without += part.first >= part.end;
+    for (int i = 0; i < 19; ++i) {
+      EXPECT_EQ(positive[static_cast<std::size_t>(i)] != 0,
+                values[row + static_cast<std::size_t>(i)] > 0);
+      const bool changes = i > 0 && positive[static_cast<std::size_t>(i)] !=
+                                        positive[static_cast<std::size_t>(i) - 1];
+      EXPECT_TRUE(!changes || (part.first < i && i < part.end));
+    }
+  }
+  EXPECT_GT(without, 20);
+}
+
 TEST(SignedField, OfLabelsTakesValuesOnlyBesideTheChangesOfSign) {
   std::vector<std::uint8_t> labels(kVoxels);
   std::vector<float> values(kVoxels);
@@ -211,6 +245,32 @@ TEST(SurfaceDepth, KeepsWhatIsNearAndTheSideOfTheRest) {
   EXPECT_GT(given_up, 100);
 }
 
+TEST(SurfaceDepth, ByChunksIsWhatItIsByVoxels) {
+  Mask ball(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v)
+    ball[v] = (index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7)).norm() < 4.6;
+  SurfaceDepth depth(kSize, ball, 5);
+  depth.keep(1, 1);
+  Mask above(kVoxels - 5);
+  depth.above(-0.5f, 5, kVoxels, above.data());
+  for (std::size_t v = 5; v < kVoxels; ++v) EXPECT_EQ(above[v - 5] != 0, depth[v] > -0.5f);
+  const auto wanted = [](float d) { return d > -2 && d < 0.2f; };
+  const Mask expected = chunks_where(kVoxels, [&](std::size_t v) { return wanted(depth[v]); });
+  EXPECT_EQ(depth.chunks_where(wanted), expected);
+  Mask seen(kVoxels, 0), far(kVoxels, 0);
+  depth.for_each_chunk([&](std::size_t first, std::size_t end, bool all_far) {
+    for (std::size_t v = first; v < end; ++v) {
+      ++seen[v];
+      far[v] = all_far;
+    }
+  });
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    EXPECT_EQ(seen[v], 1);
+    EXPECT_TRUE(!far[v] || std::isinf(depth[v]));
+  }
+  EXPECT_GT(std::count(far.begin(), far.end(), 1), 100);
+}
+
 TEST(BandField, VisitsTheVoxelsThatItHas) {
   const BandField some(chunks_where(kVoxels, [](std::size_t v) { return v % 50 == 3; }));
   std::vector<std::size_t> visited;
@@ -251,11 +311,38 @@ TEST(IsoDistance, InSomePlanesIsWhatItIsInAll) {
     values[v] =
         static_cast<float>(2.6 - (index_of(kSize, v).cast<double>() - Vec3(8.3, 6.1, 4.7)).norm());
   const std::vector<float> whole = iso_distance(kSize, values, 2);
-  // Planes 4 and 5, from the planes 1 to 8.
+  // Planes 4 and 5.
   const std::size_t plane = 19 * 14;
   std::vector<float> some(2 * plane);
-  iso_distance_in(Index3(19, 14, 8), values.data() + plane, 2, 3, 5, some.data());
+  const SignedField field(kSize, values);
+  iso_distance_in(kSize, {&field, some.data(), nullptr}, 2, 4, 6);
   EXPECT_TRUE(std::equal(some.begin(), some.end(), whole.begin() + 4 * plane));
+}
+
+// Two tissues and what is beside them both: its surface is theirs from the other side, but for where the two
+// meet, and for some places where it isn't.
+TEST(IsoDistance, OfFieldsOppositeEachOtherIsThatOfEach) {
+  std::array<std::vector<float>, 3> values;
+  for (auto& of : values) of.resize(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v) {
+    const Vec3 x = index_of(kSize, v).cast<double>();
+    values[1][v] = static_cast<float>(3.6 - (x - Vec3(6.3, 6.1, 4.7)).norm());
+    values[2][v] = static_cast<float>(2.9 - (x - Vec3(11.7, 7.2, 5.1)).norm());
+    values[0][v] = -std::max(values[1][v], values[2][v]);
+    if (v % 97 == 0) values[0][v] *= 1.1f;
+  }
+  const std::array<SignedField, 3> fields = {
+      SignedField(kSize, values[0]), SignedField(kSize, values[1]), SignedField(kSize, values[2])};
+  const std::size_t plane = 19 * 14;
+  std::array<std::vector<float>, 3> together;
+  for (auto& of : together) of.resize(4 * plane);
+  iso_distance_in(
+      kSize, {&fields[0], together[0].data(), nullptr}, 2, 3, 7,
+      {{&fields[1], together[1].data(), nullptr}, {&fields[2], together[2].data(), nullptr}});
+  for (std::size_t n = 0; n < 3; ++n) {
+    const std::vector<float> alone = iso_distance(kSize, values[n], 2);
+    EXPECT_TRUE(std::equal(together[n].begin(), together[n].end(), alone.begin() + 3 * plane));
+  }
 }
 
 }  // namespace

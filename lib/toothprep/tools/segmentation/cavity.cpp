@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 namespace toothprep {
@@ -28,7 +29,12 @@ Walls walls_of(const WorkBox& box, const Field& grey, const GreyClasses& classes
   walls.grey = std::max(classes.threshold_dentin,
                         classes.dentin - 0.4 * (classes.dentin - classes.below_dentin));
   walls.place.resize(n);
-  box.for_each([&](int, int, int, std::size_t v) { walls.place[v] = grey[v] >= walls.grey; });
+  box.for_each_row(
+      [&, least = not_below(walls.grey)](int, int, std::size_t first, std::size_t end) {
+        const float* in = grey.data();
+        std::uint8_t* out = walls.place.data();
+        for (std::size_t v = first; v < end; ++v) out[v] = in[v] >= least;
+      });
   keep_largest_component(box.size, walls.place);
   for (std::size_t v = 0; v < n; ++v) walls.voxels += walls.place[v];
   fill_enclosed(box.size, walls.place, 2);
@@ -46,6 +52,16 @@ struct FromOutside {
     const int to_edge = std::min(index.minCoeff(), (size - Index3::Ones() - index).minCoeff());
     return std::min(in_box[v], static_cast<float>(to_edge + beyond));
   }
+  // Ones where it is more than `radius`, in a row along x whose first voxel is v.
+  void farther(double radius, int j, int k, std::size_t v, std::uint8_t* out) const {
+    int least = 0;  // to the edge
+    while (!(static_cast<float>(least + beyond) > radius)) ++least;
+    const int nx = size.x();
+    std::fill(out, out + nx, std::uint8_t{0});
+    if (std::min({j, k, size.y() - 1 - j, size.z() - 1 - k}) < least) return;
+    const auto far = in_box.beyond(radius);
+    for (int i = least; i < nx - least; ++i) out[i] = far(v + static_cast<std::size_t>(i));
+  }
 };
 
 // Where a ball of this radius (voxels) fits, and where it comes in from the outside. Beyond the box
@@ -59,7 +75,11 @@ struct BallPlaces {
 BallPlaces places_of_ball(const WorkBox& box, const NearDistance& to_wall, double ball,
                           double margin) {
   BallPlaces places{Mask(box.voxels()), {}};
-  box.for_each([&](int, int, int, std::size_t v) { places.open[v] = to_wall[v] > ball; });
+  box.for_each_row([&, far = to_wall.beyond(ball)](int, int, std::size_t first, std::size_t end) {
+    std::uint8_t* out = places.open.data();
+    const auto fits = far;
+    for (std::size_t v = first; v < end; ++v) out[v] = fits(v);
+  });
   const MaskParts balls = parts_of(box.size, places.open);
   balls.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
     if (!balls.at_edge[part])
@@ -119,8 +139,11 @@ std::vector<PartWalls> walls_around(const WorkBox& box, const Field& grey,
 Parts cavities_among(const WorkBox& box, const Field& grey, const GreyClasses& classes,
                      const Walls& walls, const BallPlaces& places, double ball, double blur) {
   Mask candidate(box.voxels());
-  box.for_each([&](int i, int j, int k, std::size_t v) {
-    candidate[v] = !walls.wall(v) && places.from_outside.at(Index3(i, j, k), v) > ball + 0.5;
+  box.for_each_row([&](int j, int k, std::size_t first, std::size_t end) {
+    std::uint8_t* out = candidate.data();
+    places.from_outside.farther(ball + 0.5, j, k, first, out + first);
+    const std::uint8_t* place = walls.place.data();
+    for (std::size_t v = first; v < end; ++v) out[v] &= place[v] != 1;
   });
   Parts found;
   found.parts = parts_of(box.size, candidate);
@@ -163,12 +186,20 @@ bool fill_mask(const WorkBox& box, const Field& grey, const Parts& found, const 
   const NearDistance to_kept = cavity.border > walls.grey
                                    ? NearDistance(box.size, kept, static_cast<int>(std::ceil(blur)))
                                    : NearDistance();
-  cavity.mask.resize(box.voxels());
-  box.for_each([&](int i, int j, int k, std::size_t v) {
-    cavity.mask[v] = grey[v] < cavity.border &&
-                     (kept[v] || (!to_kept.empty() && to_kept[v] <= blur)) &&
-                     from_outside.at(Index3(i, j, k), v) > cavity.ball + 0.5;
-  });
+  box.for_each_row(
+      [&, border = not_below(cavity.border)](int j, int k, std::size_t first, std::size_t end) {
+        std::uint8_t* in = kept.data();
+        if (!to_kept.empty()) {
+          const auto far = to_kept.beyond(blur);
+          for (std::size_t v = first; v < end; ++v) in[v] = !far(v);
+        }
+        if (!std::memchr(in + first, 1, end - first)) return;
+        Mask farther(end - first);
+        from_outside.farther(cavity.ball + 0.5, j, k, first, farther.data());
+        for (std::size_t v = first; v < end; ++v)
+          in[v] = in[v] && farther[v - first] && grey[v] < border;
+      });
+  cavity.mask = std::move(kept);
   const MaskParts pieces = parts_of(box.size, cavity.mask);
   bool any = false;
   pieces.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
@@ -178,7 +209,7 @@ bool fill_mask(const WorkBox& box, const Field& grey, const Parts& found, const 
   });
   cavity.from_outside =
       BandField(chunks_where(box.voxels(), [&](std::size_t v) { return cavity.mask[v] != 0; }));
-  box.for_each([&](int i, int j, int k, std::size_t v) {
+  for_each_of(box, cavity.from_outside, [&](int i, int j, int k, std::size_t v) {
     if (cavity.mask[v]) cavity.from_outside[v] = from_outside.at(Index3(i, j, k), v);
   });
   return any;
@@ -197,6 +228,8 @@ Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& cla
     const double ball = std::max(2 * blur, radius / box.lattice.voxel);
     if (ball + 2 > NearDistance::kMostReach) break;
     cavity.ball = ball;
+    from_outside = {};
+    to_wall = {};  // before there is another one
     to_wall = NearDistance(box.size, walls.place,
                            static_cast<int>(std::ceil(std::max(cavity.ball, 3 * blur))) + 1);
     BallPlaces places = places_of_ball(box, to_wall, cavity.ball, margin);

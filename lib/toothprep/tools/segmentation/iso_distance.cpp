@@ -23,6 +23,8 @@ struct FlatCases {
   std::array<int, 12> from{}, to{};  // corners of an edge
   std::array<std::uint8_t, 256> triangles{};
   std::array<std::array<std::uint8_t, 30>, 256> edges{};
+  std::array<std::uint8_t, 256> crossed{};  // bits: corners at the ends of edges that are crossed
+  std::array<bool, 256> same_opposite{};    // the opposite pattern has the same triangles
 
   FlatCases() {
     const CellCases& shared = cell_cases();
@@ -48,7 +50,12 @@ struct FlatCases {
           triple[2] = loop[t + 1];
         }
       }
+      for (int e = 0; e < 12; ++e)
+        if ((inside >> from[e] & 1) != (inside >> to[e] & 1))
+          crossed[inside] = static_cast<std::uint8_t>(crossed[inside] | 1 << from[e] | 1 << to[e]);
     }
+    for (std::size_t inside = 0; inside < 256; ++inside)
+      same_opposite[inside] = edges[inside] == edges[255 - inside];
   }
 };
 
@@ -145,14 +152,50 @@ struct Triangle {
   }
 };
 
+// A cell that a surface passes.
+struct Cell {
+  std::array<int, 3> at;
+  std::uint8_t inside;         // sign pattern
+  std::array<float, 8> value;  // of the field, at its corners
+};
+
+// Takes the cells with the same triangles out of both, which are in the order of places.
+std::vector<Cell> take_shared(std::vector<Cell>& cells, std::vector<Cell>& others) {
+  const FlatCases& cases = flat_cases();
+  const auto same = [&](const Cell& a, const Cell& b) {
+    if (a.inside != 255 - b.inside || !cases.same_opposite[a.inside]) return false;
+    for (int c = 0; c < 8; ++c)
+      if ((cases.crossed[a.inside] >> c & 1) != 0 && a.value[c] != -b.value[c]) return false;
+    return true;
+  };
+  const auto before = [](const Cell& a, const Cell& b) {
+    return std::lexicographical_compare(a.at.rbegin(), a.at.rend(), b.at.rbegin(), b.at.rend());
+  };
+  std::vector<Cell> shared;
+  std::size_t kept = 0, kept_others = 0, other = 0;
+  for (const Cell& cell : cells) {
+    while (other < others.size() && before(others[other], cell))
+      others[kept_others++] = others[other++];
+    if (other < others.size() && others[other].at == cell.at && same(cell, others[other])) {
+      shared.push_back(cell);
+      ++other;
+    } else {
+      cells[kept++] = cell;
+    }
+  }
+  while (other < others.size()) others[kept_others++] = others[other++];
+  cells.resize(kept);
+  others.resize(kept_others);
+  return shared;
+}
+
 // The distances of the nodes in some planes: squares first, from the triangles of every cell within
 // reach, then their roots with a sign. A minimum over the same triangles, whatever the slabs. Most
 // triangles near a node are farther away than another one: to know so early, each node starts from a
 // bound that one of the triangles beneath it gives.
 class Slab {
  public:
-  Slab(const Index3& size, const float* field, float band, int first, int last, float* distance,
-       const RowPart* wanted)
+  Slab(const Index3& size, const IsoField& of, float band, int first, int last)
       : nx_(size.x()),
         ny_(size.y()),
         nz_(size.z()),
@@ -160,55 +203,87 @@ class Slab {
         z1_(last),
         row_(static_cast<std::size_t>(nx_)),
         plane_(row_ * static_cast<std::size_t>(ny_)),
-        corner_{0, 1, row_, row_ + 1, plane_, plane_ + 1, plane_ + row_, plane_ + row_ + 1},
         band_(band),
-        field_(field),
-        best_(distance),
+        field_(*of.field),
+        best_(of.distance),
         nodes_(static_cast<std::size_t>(last - first) * plane_),
-        wanted_(wanted) {}
+        wanted_(of.wanted) {
+    std::fill_n(least_.begin() + kLanes, kLanes, band_ * band_);
+  }
 
-  void fill() {
-    std::fill(best_, best_ + nodes_, band_ * band_);
+  // Those within reach of the nodes.
+  std::vector<Cell> cells() {
+    std::vector<Cell> found;
     const int reach = static_cast<int>(std::ceil(band_));
     const int low = std::max(0, z0_ - reach - 1), high = std::min(nz_ - 1, z1_ + reach);
     positive_.resize(2 * plane_ + sizeof(std::uint64_t));
-    std::fill_n(least_.begin() + kLanes, kLanes, band_ * band_);
+    for (std::vector<RowPart>& parts : changes_) parts.resize(static_cast<std::size_t>(ny_));
     if (low < high) find_signs(low);
     for (int k = low; k < high; ++k) {
       find_signs(k + 1);
-      for (int j = 0; j + 1 < ny_; ++j) find_cells(j, k);
+      for (int j = 0; j + 1 < ny_; ++j) find_cells(j, k, found);
     }
-    for (const Cell& cell : cells_) bound_nodes(cell);
-    for (const Cell& cell : cells_) visit(cell);
-    const float* f = field_ + static_cast<std::size_t>(z0_) * plane_;
-    for (std::size_t v = 0; v < nodes_; ++v) {
-      // Never zero: the sign must separate inside from outside.
-      best_[v] = std::copysign(std::max(std::sqrt(best_[v]), 1e-6f), -f[v]);
+    return found;
+  }
+
+  // From the band's end, or the least of these squares.
+  void start(const std::vector<const float*>* squares) {
+    std::fill(best_, best_ + nodes_, band_ * band_);
+    if (!squares) return;
+    for (const float* square : *squares)
+      for (std::size_t v = 0, n = nodes_; v < n; ++v) best_[v] = std::min(best_[v], square[v]);
+  }
+  void lower_by(const std::vector<Cell>& cells) {
+    for (const Cell& cell : cells) bound_nodes(cell);
+    for (const Cell& cell : cells) visit(cell);
+  }
+  const float* squares() const { return best_; }
+
+  void take_roots() {
+    const std::size_t first = static_cast<std::size_t>(z0_) * plane_;
+    for (std::size_t row = 0; row < nodes_; row += row_) {
+      field_.signs(first + row, nx_, positive_.data());
+      const std::uint8_t* positive = positive_.data();
+      float* best = best_ + row;
+      for (std::size_t i = 0, n = row_; i < n; ++i) {
+        // Never zero: the sign must separate inside from outside.
+        const float distance = std::max(std::sqrt(best[i]), 1e-6f);
+        best[i] = positive[i] ? -distance : distance;
+      }
     }
   }
 
  private:
-  // Ones where the field is positive; of two planes at a time.
+  // Ones where the field is positive, and in which parts of rows that changes; of two planes at a time.
   std::uint8_t* signs_of(int k) { return positive_.data() + (k % 2 ? plane_ : 0); }
   void find_signs(int k) {
-    const float* f = field_ + static_cast<std::size_t>(k) * plane_;
-    std::uint8_t* positive = signs_of(k);
-    const std::size_t count = plane_;
-    for (std::size_t v = 0; v < count; ++v) positive[v] = f[v] > 0;
+    for (int j = 0; j < ny_; ++j) {
+      const std::size_t row = static_cast<std::size_t>(j) * row_;
+      changes_[k % 2][static_cast<std::size_t>(j)] =
+          field_.signs(static_cast<std::size_t>(k) * plane_ + row, nx_, signs_of(k) + row);
+    }
   }
 
   // Those along x with a surface. Most lie eight beside each other without one.
-  void find_cells(int j, int k) {
+  void find_cells(int j, int k, std::vector<Cell>& found) {
     const std::size_t row = static_cast<std::size_t>(j) * row_;
     const std::uint8_t *a = signs_of(k) + row, *b = a + row_, *c = signs_of(k + 1) + row,
                        *d = c + row_;
+    int first = nx_, end = 0;
+    for (const std::vector<RowPart>& plane : changes_)
+      for (int y = j; y < j + 2; ++y) {
+        first = std::min(first, plane[static_cast<std::size_t>(y)].first - 1);
+        end = std::max(end, plane[static_cast<std::size_t>(y)].end);
+      }
+    first = std::max(first, 0);
+    end = std::min(end, nx_ - 1);
     constexpr std::uint64_t kAllPositive = 0x0101010101010101;
     const auto word = [](const std::uint8_t* signs) {
       std::uint64_t eight;
       std::memcpy(&eight, signs, sizeof eight);
       return eight;
     };
-    for (int i = 0; i + 1 < nx_; i += 8) {
+    for (int i = first; i < end; i += 8) {
       std::uint64_t any = 0, all = kAllPositive;
       for (const std::uint8_t* signs : {a, b, c, d})
         for (const int beside : {0, 1}) {
@@ -217,27 +292,27 @@ class Slab {
           all &= eight;
         }
       if (any == 0 || all == kAllPositive) continue;
-      for (int n = i; n < std::min(i + 8, nx_ - 1); ++n) {
+      for (int n = i; n < std::min(i + 8, end); ++n) {
         const auto inside =
             static_cast<std::uint8_t>(a[n] | a[n + 1] << 1 | b[n] << 2 | b[n + 1] << 3 | c[n] << 4 |
                                       c[n + 1] << 5 | d[n] << 6 | d[n + 1] << 7);
-        if (cases_.triangles[inside] > 0) cells_.push_back({{n, j, k}, inside});
+        if (cases_.triangles[inside] > 0) found.push_back({{n, j, k}, inside, values_at(n, j, k)});
       }
     }
   }
 
-  struct Cell {
-    std::array<int, 3> at;
-    std::uint8_t inside;  // sign pattern
-  };
-  const float* field_at(const Cell& cell) const {
-    return field_ + static_cast<std::size_t>(cell.at[2]) * plane_ +
-           static_cast<std::size_t>(cell.at[1]) * row_ + static_cast<std::size_t>(cell.at[0]);
+  std::array<float, 8> values_at(int i, int j, int k) const {
+    const std::size_t v = static_cast<std::size_t>(k) * plane_ +
+                          static_cast<std::size_t>(j) * row_ + static_cast<std::size_t>(i);
+    std::array<float, 8> values;
+    for (std::size_t c = 0; c < 8; ++c)
+      values[c] = field_[v + (c & 1) + (c >> 1 & 1) * row_ + (c >> 2) * plane_];
+    return values;
   }
   // Where the surface crosses an edge.
-  Vec3f crossing(const float* f, int e) const {
+  Vec3f crossing(const Cell& cell, int e) const {
     const int from = cases_.from[e];
-    const float fa = f[corner_[from]], fb = f[corner_[cases_.to[e]]];
+    const float fa = cell.value[from], fb = cell.value[cases_.to[e]];
     Vec3f point(from & 1, from >> 1 & 1, from >> 2);
     point[e / 4] += fa / (fa - fb);
     return point;
@@ -245,9 +320,9 @@ class Slab {
 
   // The nodes along the normal of the cell's first triangle are not farther away than its centre.
   void bound_nodes(const Cell& cell) {
-    const float* f = field_at(cell);
     const auto* triple = cases_.edges[cell.inside].data();
-    const Vec3f a = crossing(f, triple[0]), b = crossing(f, triple[1]), c = crossing(f, triple[2]);
+    const Vec3f a = crossing(cell, triple[0]), b = crossing(cell, triple[1]),
+                c = crossing(cell, triple[2]);
     const Vec3f normal = (b - a).cross(c - a), centre = a + ((b - a) + (c - a)) / 3;
     if (normal.squaredNorm() < kSliver) return;
     int main;
@@ -277,11 +352,10 @@ class Slab {
   }
 
   void visit(const Cell& cell) {
-    const float* f = field_at(cell);
     std::array<Vec3f, 12> point;
     for (int e = 0; e < 12; ++e)
       if ((cell.inside >> cases_.from[e] & 1) != (cell.inside >> cases_.to[e] & 1))
-        point[e] = crossing(f, e);
+        point[e] = crossing(cell, e);
     for (int t = 0; t < cases_.triangles[cell.inside]; ++t) {
       const auto* triple = &cases_.edges[cell.inside][3 * t];
       lower(Index3(cell.at[0], cell.at[1], cell.at[2]),
@@ -387,35 +461,53 @@ class Slab {
   const FlatCases& cases_ = flat_cases();
   int nx_, ny_, nz_, z0_, z1_;
   std::size_t row_, plane_;
-  std::array<std::size_t, 8> corner_;
   float band_;
-  const float* field_;
+  const SignedField& field_;
   float* best_;
   std::size_t nodes_;
   const RowPart* wanted_;
   std::array<float, 2 * kLanes> least_{};  // of squared distances: zeros, then what is too far away
   std::vector<std::uint8_t> positive_;
-  std::vector<Cell> cells_;
+  std::array<std::vector<RowPart>, 2> changes_;
 };
 
 }  // namespace
 
 std::vector<float> iso_distance(const Index3& size, const std::vector<float>& field, float band) {
+  const SignedField changes(size, field);
   std::vector<float> distance(field.size());
   const std::size_t plane = static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y());
   constexpr int kPlanes = 16;
   tbb::parallel_for(0, (size.z() + kPlanes - 1) / kPlanes, [&](int slab) {
     const int first = slab * kPlanes;
-    iso_distance_in(size, field.data(), band, first, std::min(size.z(), first + kPlanes),
-                    distance.data() + static_cast<std::size_t>(first) * plane);
+    iso_distance_in(size,
+                    {&changes, distance.data() + static_cast<std::size_t>(first) * plane, nullptr},
+                    band, first, std::min(size.z(), first + kPlanes));
   });
   return distance;
 }
 
-void iso_distance_in(const Index3& size, const float* field, float band, int first, int last,
-                     float* distance, const RowPart* wanted) {
-  Slab slab(size, field, band, first, last, distance, wanted);
-  with_wide_vectors([&] { slab.fill(); });
+void iso_distance_in(const Index3& size, const IsoField& of, float band, int first, int last,
+                     const std::vector<IsoField>& opposite) {
+  std::vector<Slab> slabs = {Slab(size, of, band, first, last)};
+  for (const IsoField& other : opposite) slabs.emplace_back(size, other, band, first, last);
+  // What the first shares with each of the others, and what each has for itself.
+  std::array<std::vector<std::vector<Cell>>, 2> cells;
+  for (auto& each : cells) each.resize(slabs.size());
+  for (std::size_t s = 0; s < slabs.size(); ++s) {
+    cells[1][s] = slabs[s].cells();
+    if (s > 0) cells[0][s] = take_shared(cells[1][0], cells[1][s]);
+  }
+  with_wide_vectors([&] {
+    std::vector<const float*> shared;
+    for (std::size_t own = 0; own < 2; ++own)
+      for (std::size_t s = 0; s < slabs.size(); ++s) {
+        if (s == 0 ? own == 1 : own == 0) slabs[s].start(s == 0 ? &shared : nullptr);
+        slabs[s].lower_by(cells[own][s]);
+        if (s > 0 && own == 0) shared.push_back(slabs[s].squares());
+      }
+    for (Slab& slab : slabs) slab.take_roots();
+  });
 }
 
 }  // namespace toothprep

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "toothprep/step/core/geometry.h"
+#include "toothprep/tools/segmentation/signed_field.h"
 
 namespace toothprep {
 
@@ -14,15 +15,19 @@ namespace toothprep {
 // interpolation, of second order in the voxel size. Independent of the number of threads.
 std::vector<float> iso_distance(const Index3& size, const std::vector<float>& field, float band);
 
-// The part of each row along x in which distances are wanted: from first to end - 1.
-struct RowPart {
-  int first = 0, end = 0;
+// A field and where its distances go, row after row. With `wanted`, a part for each of these rows, the
+// other distances may be any within +-band.
+struct IsoField {
+  const SignedField* field = nullptr;  // of `size` samples
+  float* distance = nullptr;
+  const RowPart* wanted = nullptr;
 };
 
-// The same in the planes first .. last - 1 only, whose distances go to `distance`, row after row. What
-// counts of the field are the planes as far away as the band, and one more. With `wanted`, a part for
-// each of these rows, the other distances may be any within +-band.
-void iso_distance_in(const Index3& size, const float* field, float band, int first, int last,
-                     float* distance, const RowPart* wanted = nullptr);
+// The same in the planes first .. last - 1 only. `opposite` are fields whose surfaces are for the most part
+// those of the field from the other side, as a tissue's are of its neighbours': what two surfaces
+// share is gone through once, with the same results. What is wanted of the field must be wanted of
+// them, too.
+void iso_distance_in(const Index3& size, const IsoField& of, float band, int first, int last,
+                     const std::vector<IsoField>& opposite = {});
 
 }  // namespace toothprep

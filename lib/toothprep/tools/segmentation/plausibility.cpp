@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 namespace toothprep {
 
@@ -25,7 +26,12 @@ Layers layers_of(const WorkBox& box, const ToothFields& fields) {
       for (std::size_t a = 0; a < 3; ++a) {
         if ((a == 1 && j + 1 == box.size.y()) || (a == 2 && k + 1 == box.size.z())) continue;
         const std::size_t row = box.offset(0, j, k), end = row + stride[1] - (a == 0);
+        constexpr std::size_t kAtOnce = 16;
         for (std::size_t v = row; v < end; ++v) {
+          // Most have neighbours of their own label.
+          while (v + kAtOnce <= end && std::memcmp(&label[v], &label[v + stride[a]], kAtOnce) == 0)
+            v += kAtOnce;
+          if (v == end) break;
           if (label[v] == label[v + stride[a]]) continue;
           const auto here = static_cast<Tissue>(label[v]),
                      next = static_cast<Tissue>(label[v + stride[a]]);

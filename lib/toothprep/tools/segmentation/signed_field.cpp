@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 namespace toothprep {
 
@@ -11,6 +12,13 @@ namespace {
 
 constexpr int kPlanesOfPart = 16;  // so that a chunk never lies in two parts
 constexpr std::uint32_t kNegative = 0, kPositive = 1, kStored = 2;
+
+using Bytes = std::int8_t __attribute__((vector_size(16)));  // of a chunk
+Bytes load(const std::uint8_t* labels) {
+  Bytes bytes;
+  std::memcpy(&bytes, labels, sizeof bytes);
+  return bytes;
+}
 
 }  // namespace
 
@@ -33,16 +41,23 @@ void SignedField::add_planes(const Index3& size, const std::vector<std::uint8_t>
       for (std::size_t n = from; n < to; ++n)
         changes[n] |= (here[n] == inside) != (there[n - from] == inside);
     };
-    for (const std::size_t stride : strides) {
-      const std::size_t from = v >= stride ? 0 : std::min(count, stride - v),
-                        after = labels.size() - std::min(labels.size(), v + stride);
-      if (from < count) compare(labels.data() + (v + from - stride), from, count);
-      if (after > 0) compare(labels.data() + (v + stride), 0, std::min(count, after));
+    if (v >= plane && v + kChunk + plane <= labels.size() && count == kChunk) {
+      const Bytes of = Bytes{} + static_cast<std::int8_t>(inside), own = load(here) == of;
+      Bytes differ{};
+      for (const std::size_t stride : strides)
+        differ |= (own ^ (load(here - stride) == of)) | (own ^ (load(here + stride) == of));
+      std::memcpy(changes.data(), &differ, kChunk);
+    } else {
+      for (const std::size_t stride : strides) {
+        const std::size_t from = v >= stride ? 0 : std::min(count, stride - v),
+                          after = labels.size() - std::min(labels.size(), v + stride);
+        if (from < count) compare(labels.data() + (v + from - stride), from, count);
+        if (after > 0) compare(labels.data() + (v + stride), 0, std::min(count, after));
+      }
     }
     std::uint32_t& place = chunk_[v / kChunk];
     place = *here == inside ? kPositive : kNegative;
-    if (std::all_of(changes.begin(), changes.end(), [](std::uint8_t c) { return c == 0; }))
-      continue;
+    if (changes == std::array<std::uint8_t, kChunk>{}) continue;
     place = kStored;
     for (std::size_t n = 0; n < kChunk; ++n)
       stored.push_back(changes[n] ? value(v + n) : n < count && here[n] == inside ? 0.5f : -0.5f);
@@ -73,6 +88,24 @@ SignedField::SignedField(const Index3& size, const std::vector<float>& values) {
   Mask positive(values.size());
   for (std::size_t v = 0; v < values.size(); ++v) positive[v] = values[v] > 0;
   *this = SignedField(size, positive, 1, [&](std::size_t v) { return values[v]; });
+}
+
+RowPart SignedField::signs(std::size_t first, int count, std::uint8_t* positive) const {
+  RowPart part{count, 0};
+  for (int i = 0; i < count;) {
+    const std::size_t v = first + static_cast<std::size_t>(i);
+    const std::uint32_t place = chunk_[v / kChunk];
+    const int end = std::min(count, i + static_cast<int>(kChunk - v % kChunk));
+    if (place < kStored) {
+      std::fill(positive + i, positive + end, static_cast<std::uint8_t>(place));
+    } else {
+      const float* values = values_.data() + std::size_t{place} * kChunk + v % kChunk;
+      for (int n = i; n < end; ++n) positive[n] = values[n - i] > 0;
+      part = {std::min(part.first, i), end};
+    }
+    i = end;
+  }
+  return part;
 }
 
 void SignedField::copy(std::size_t first, std::size_t count, float* values) const {

@@ -10,6 +10,11 @@
 
 namespace toothprep {
 
+// A part of a row along x: from first to end - 1.
+struct RowPart {
+  int first = 0, end = 0;
+};
+
 class SignedField {
  public:
   using ValueAt = std::function<float(std::size_t v)>;
@@ -27,6 +32,9 @@ class SignedField {
   float operator[](std::size_t v) const {
     return values_[std::size_t{chunk_[v / kChunk]} * kChunk + v % kChunk];
   }
+  // Ones where it is positive, of a row from voxel `first` on; gives the part of it beside which there may
+  // be a change of sign.
+  RowPart signs(std::size_t first, int count, std::uint8_t* positive) const;
   // Values of the voxels first .. first + count - 1.
   void copy(std::size_t first, std::size_t count, float* values) const;
 

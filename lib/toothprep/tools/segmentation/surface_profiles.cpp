@@ -1,5 +1,6 @@
 #include "toothprep/tools/segmentation/surface_profiles.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -20,33 +21,79 @@ constexpr double kBefore = 3, kBehind = 5;  // of the profiles, in `blur`
 constexpr double kAlong = 1.5;              // radius of the average, in `blur`
 constexpr double kSameNormal = 0.9;         // cosine, of places that are averaged
 
+using Four = double __attribute__((vector_size(4 * sizeof(double))));
+
 // Keys' cubic convolution (a = -1/2); the scan's edge values are continued outside.
-float cubic(const ImageVolume<float>& scan, const Vec3& index) {
-  std::array<std::array<double, 4>, 3> weight;
-  std::array<std::array<std::size_t, 4>, 3> offset;
-  const std::array<std::size_t, 3> stride = {
-      1, static_cast<std::size_t>(scan.size.x()),
-      static_cast<std::size_t>(scan.size.x()) * static_cast<std::size_t>(scan.size.y())};
-  for (int a = 0; a < 3; ++a) {
-    const double x = std::clamp(index[a], 0.0, scan.size[a] - 1.0);
-    const int base = static_cast<int>(x);
-    const double f = x - base;
-    weight[a] = {((-0.5 * f + 1) * f - 0.5) * f, (1.5 * f - 2.5) * f * f + 1,
-                 ((-1.5 * f + 2) * f + 0.5) * f, (0.5 * f - 0.5) * f * f};
-    for (int n = 0; n < 4; ++n)
-      offset[a][n] =
-          stride[a] * static_cast<std::size_t>(std::clamp(base + n - 1, 0, scan.size[a] - 1));
+class Cubic {
+ public:
+  explicit Cubic(const ImageVolume<float>& scan)
+      : scan_(scan),
+        stride_{1, static_cast<std::size_t>(scan.size.x()),
+                static_cast<std::size_t>(scan.size.x()) * static_cast<std::size_t>(scan.size.y())} {
   }
-  double sum = 0;
-  for (int k = 0; k < 4; ++k)
-    for (int j = 0; j < 4; ++j) {
-      const float* row = scan.data.data() + offset[2][k] + offset[1][j];
-      double line = 0;
-      for (int i = 0; i < 4; ++i) line += weight[0][i] * row[offset[0][i]];
-      sum += weight[2][k] * weight[1][j] * line;
+
+  float operator()(const Vec3& index) const {
+    std::array<std::array<double, 4>, 3> weight;
+    std::array<int, 3> first;
+    bool within = true;
+    for (int a = 0; a < 3; ++a) {
+      const double x = std::clamp(index[a], 0.0, scan_.size[a] - 1.0);
+      const int base = static_cast<int>(x);
+      const double f = x - base;
+      weight[a] = {((-0.5 * f + 1) * f - 0.5) * f, (1.5 * f - 2.5) * f * f + 1,
+                   ((-1.5 * f + 2) * f + 0.5) * f, (0.5 * f - 0.5) * f * f};
+      first[a] = base - 1;
+      within = within && base > 0 && base + 2 < scan_.size[a];
     }
-  return static_cast<float>(sum);
-}
+    const Four of_x = {weight[0][0], weight[0][1], weight[0][2], weight[0][3]},
+               of_y = {weight[1][0], weight[1][1], weight[1][2], weight[1][3]};
+    double sum = 0;
+    for (int k = 0; k < 4; ++k) {
+      std::array<Four, 4> row;  // along x
+      for (int j = 0; j < 4; ++j)
+        row[j] = within ? four_of(first[0], first[1] + j, first[2] + k)
+                        : continued(first[0], first[1] + j, first[2] + k);
+      const Four part =
+          weight[2][k] * of_y * sums_of(of_x * row[0], of_x * row[1], of_x * row[2], of_x * row[3]);
+      for (int j = 0; j < 4; ++j) sum += part[j];
+    }
+    return static_cast<float>(sum);
+  }
+
+ private:
+  // The sum of each, from its first on.
+  static Four sums_of(const Four& a, const Four& b, const Four& c, const Four& d) {
+    using Order = std::int64_t __attribute__((vector_size(4 * sizeof(std::int64_t))));
+    constexpr Order even = {0, 4, 2, 6}, odd = {1, 5, 3, 7}, low = {0, 1, 4, 5},
+                    high = {2, 3, 6, 7};
+    const Four ab_even = __builtin_shuffle(a, b, even), ab_odd = __builtin_shuffle(a, b, odd),
+               cd_even = __builtin_shuffle(c, d, even), cd_odd = __builtin_shuffle(c, d, odd);
+    return ((__builtin_shuffle(ab_even, cd_even, low) + __builtin_shuffle(ab_odd, cd_odd, low)) +
+            __builtin_shuffle(ab_even, cd_even, high)) +
+           __builtin_shuffle(ab_odd, cd_odd, high);
+  }
+  // Four voxels along x.
+  Four four_of(int x, int y, int z) const {
+    using Floats = float __attribute__((vector_size(4 * sizeof(float))));
+    Floats values;
+    std::memcpy(&values,
+                scan_.data.data() + static_cast<std::size_t>(z) * stride_[2] +
+                    static_cast<std::size_t>(y) * stride_[1] + static_cast<std::size_t>(x),
+                sizeof values);
+    return __builtin_convertvector(values, Four);
+  }
+  Four continued(int x, int y, int z) const {
+    const auto within = [&](int i, int a) {
+      return static_cast<std::size_t>(std::clamp(i, 0, scan_.size[a] - 1));
+    };
+    const float* row = scan_.data.data() + within(z, 2) * stride_[2] + within(y, 1) * stride_[1];
+    return Four{row[within(x, 0)], row[within(x + 1, 0)], row[within(x + 2, 0)],
+                row[within(x + 3, 0)]};
+  }
+
+  const ImageVolume<float>& scan_;
+  std::array<std::size_t, 3> stride_;
+};
 
 // Where the grey first exceeds `border` on the way inwards, from the voxel's centre.
 std::optional<double> crossing(const WorkBox& box, const Field& grey, const Vec3& at,
@@ -145,7 +192,6 @@ class AlongSurface {
   struct Row {
     std::size_t next, end;
   };
-  using Four = double __attribute__((vector_size(4 * sizeof(double))));
   struct Word {  // 64 places, as bits
     std::array<std::array<double, 64>, 3> at, inwards;
     std::array<std::size_t, 64> place;
@@ -276,9 +322,7 @@ BandField inward_level(const WorkBox& box, const SurfaceDepth& depth, double out
                        double blur) {
   const auto far = static_cast<float>(std::max(outside, inside) + 2 * blur);
   // With the neighbours that its gradient is from: none is deeper by more than one.
-  BandField level(chunks_where(box.voxels(), [&](std::size_t v) {
-    return depth[v] > -outside - 1 && depth[v] < inside + 1;
-  }));
+  BandField level(depth.chunks_where([&](float d) { return d > -outside - 1 && d < inside + 1; }));
   const auto fill = [&](int k, float* plane) {
     const std::size_t first = box.offset(0, 0, k), area = box.offset(0, 0, 1);
     for (std::size_t v = 0; v < area; ++v) plane[v] = std::clamp(depth[first + v], -far, far);
@@ -289,13 +333,12 @@ BandField inward_level(const WorkBox& box, const SurfaceDepth& depth, double out
 }
 
 Vec3 inwards_at(const WorkBox& box, const BandField& level, const Index3& index) {
+  const std::size_t v = box.offset(index.x(), index.y(), index.z());
+  const std::array<std::size_t, 3> stride = {1, box.offset(0, 1, 0), box.offset(0, 0, 1)};
   Vec3 inwards;
-  for (int a = 0; a < 3; ++a) {
-    Index3 p = index, q = index;
-    p[a] = std::max(p[a] - 1, 0);
-    q[a] = std::min(q[a] + 1, box.size[a] - 1);
-    inwards[a] = level[box.offset(q.x(), q.y(), q.z())] - level[box.offset(p.x(), p.y(), p.z())];
-  }
+  for (int a = 0; a < 3; ++a)
+    inwards[a] = level[index[a] + 1 < box.size[a] ? v + stride[a] : v] -
+                 level[index[a] > 0 ? v - stride[a] : v];
   if (inwards.squaredNorm() > 0) inwards.normalize();
   return inwards;
 }
@@ -328,13 +371,19 @@ SurfaceProfiles surface_profiles(const WorkBox& box, const ImageVolume<float>& s
   // From the box's lattice to the scan's.
   const Mat3 to_scan = scan.to_index();
   const Vec3 first = to_scan * (box.centre(Index3::Zero()) - scan.origin);
-  tbb::parallel_for(std::size_t{0}, profiles.count(), [&](std::size_t p) {
-    float* g = profiles.grey.data() + p * static_cast<std::size_t>(profiles.samples);
-    for (int s = 0; s < profiles.samples; ++s) {
-      const Vec3 at = profiles.voxel[p].cast<double>() +
-                      (profiles.zero[p] + profiles.x(s)) * profiles.inwards[p];
-      g[s] = cubic(scan, first + to_scan * at * box.lattice.voxel);
-    }
+  const Cubic cubic(scan);
+  const double voxel = box.lattice.voxel;
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, profiles.count()), [&](const auto& range) {
+    with_wide_vectors([&] {
+      for (std::size_t p = range.begin(); p < range.end(); ++p) {
+        float* g = profiles.grey.data() + p * static_cast<std::size_t>(profiles.samples);
+        for (int s = 0; s < profiles.samples; ++s) {
+          const Vec3 at = profiles.voxel[p].cast<double>() +
+                          (profiles.zero[p] + profiles.x(s)) * profiles.inwards[p];
+          g[s] = cubic(first + to_scan * at * voxel);
+        }
+      }
+    });
   });
   average_along(blur, profiles);
   return profiles;

@@ -108,9 +108,12 @@ void add_figures(SurfaceUncertainty& result) {
         squares += place.half_width * place.half_width;
       }
     if (widths.empty()) continue;
-    std::sort(widths.begin(), widths.end());
     const auto n = static_cast<double>(widths.size());
-    const auto quantile = [&](double q) { return widths[static_cast<std::size_t>(q * (n - 1))]; };
+    const auto quantile = [&](double q) {
+      const auto at = widths.begin() + static_cast<std::ptrdiff_t>(q * (n - 1));
+      std::nth_element(widths.begin(), at, widths.end());
+      return *at;
+    };
     result.figures[s] = {std::sqrt(squares / n), quantile(0.5), quantile(0.95), widths.size()};
   }
 }
@@ -132,9 +135,7 @@ SurfaceUncertainty surface_uncertainty(const WorkBox& box, const Field& grey, do
   std::vector<std::vector<SurfaceUncertainty::Place>> planes(
       static_cast<std::size_t>(box.size.z()));
   const Mask chunks = chunks_of_surfaces(box, fields.label);
-  box.for_each([&](int i, int j, int k, std::size_t v) {
-    if (!chunks[v / BandField::kChunk]) return;
-    const Index3 at(i, j, k);
+  const auto look_at = [&](const Index3& at, std::size_t v) {
     const auto surface = surface_at(box, fields, at);
     if (!surface) return;
     const double slope =
@@ -147,8 +148,16 @@ SurfaceUncertainty surface_uncertainty(const WorkBox& box, const Field& grey, do
     if (*surface == ScanSurface::kEnamelDentin && fitted(v))
       square = std::pow(kOfInside * blur, 2) + std::pow(kOfThin * blur, 2);
     const double half = std::min(std::sqrt(square), kLargest * blur) * box.lattice.voxel;
-    planes[static_cast<std::size_t>(k)].push_back(
+    planes[static_cast<std::size_t>(at.z())].push_back(
         {box.lower + at, *surface, static_cast<float>(half)});
+  };
+  box.for_each_row([&](int j, int k, std::size_t first, std::size_t end) {
+    for (std::size_t v = first; v < end;) {
+      const std::size_t next = std::min(end, (v / BandField::kChunk + 1) * BandField::kChunk);
+      for (; v < next && chunks[v / BandField::kChunk]; ++v)
+        look_at(Index3(static_cast<int>(v - first), j, k), v);
+      v = next;
+    }
   });
   SurfaceUncertainty result;
   for (const auto& plane : planes)

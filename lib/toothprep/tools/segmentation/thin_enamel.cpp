@@ -23,6 +23,7 @@ enum class Layer : std::uint8_t { kNone, kThin, kOther };  // other: thick ename
 struct Place {
   Layer layer = Layer::kOther;
   double surface = 0, thickness = 0;  // s, t of the header, voxels
+  double cover = 0;                   // see ThinEnamel::Voxel
   double overshoot = 0;               // of the step
   bool bright = false;                // enamel by its grey alone
 };
@@ -123,6 +124,7 @@ std::vector<Place> judge_places(const SurfaceProfiles& profiles, const GreyClass
     place.layer = Layer::kThin;
     place.surface = fit.surface;
     place.thickness = fit.thickness;
+    place.cover = std::erf(place.thickness / (sigma * M_SQRT2));
   });
   return places;
 }
@@ -149,7 +151,7 @@ void keep_beside_enamel(const SurfaceProfiles& profiles, std::vector<Place>& pla
 
 // The mean over the places around a voxel's foot on the surface, if most of them have thin enamel.
 bool layer_around(const SurfaceProfiles& profiles, const std::vector<Place>& places, const Vec3& at,
-                  const Vec3& foot, double sigma, ThinEnamel::Voxel& voxel) {
+                  const Vec3& foot, ThinEnamel::Voxel& voxel) {
   double above = 0, cover = 0;
   int thin = 0, all = 0;
   profiles.for_each_around(foot.array().round().cast<int>(), [&](std::size_t p) {
@@ -159,7 +161,7 @@ bool layer_around(const SurfaceProfiles& profiles, const std::vector<Place>& pla
     const double depth = (at - profiles.voxel[p].cast<double>()).dot(profiles.inwards[p]) -
                          profiles.zero[p] - places[p].surface;
     above += places[p].thickness - depth;
-    cover += std::erf(places[p].thickness / (sigma * M_SQRT2));
+    cover += places[p].cover;
   });
   if (2 * thin <= all) return false;
   voxel.above = static_cast<float>(above / thin);
@@ -223,7 +225,7 @@ ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
     const Vec3 inwards = inwards_at(box, level, index), at = index.cast<double>();
     ThinEnamel::Voxel voxel;
     voxel.at = v;
-    if (layer_around(profiles, places, at, at - (depth[v] - 0.5) * inwards, sigma, voxel))
+    if (layer_around(profiles, places, at, at - (depth[v] - 0.5) * inwards, voxel))
       planes[static_cast<std::size_t>(k)].push_back(voxel);
   });
   std::size_t count = 0;

@@ -141,6 +141,7 @@ double smoothing_for(double noise, const GreyClasses& classes, double blur) {
 // Islands of enamel in dentin and of dentin in enamel go to the tissue around them, as do the
 // remains of a border's greys in narrow fissures; pieces of at least a twentieth of the largest
 // stay.
+// in_domain(first, end, out) writes ones where islands are sought.
 template <class InDomain>
 void clean_islands(const WorkBox& box, const InDomain& in_domain, const Mask& cavity,
                    Mask& enamel) {
@@ -152,8 +153,8 @@ void clean_islands(const WorkBox& box, const InDomain& in_domain, const Mask& ca
                          *pulp = cavity.empty() ? nullptr : cavity.data() + first;
       const std::uint8_t other = of_enamel ? 0 : 1;
       std::uint8_t* out = part.data();
-      const InDomain in = in_domain;
-      for (std::size_t i = 0, n = part.size(); i < n; ++i) out[i] = (of[i] ^ other) & in(first + i);
+      in_domain(first, first + part.size(), out);
+      for (std::size_t i = 0, n = part.size(); i < n; ++i) out[i] &= of[i] ^ other;
       for (std::size_t i = 0, n = part.size(); pulp && i < n; ++i) out[i] &= 1 ^ pulp[i];
       return part.data();
     });
@@ -242,29 +243,37 @@ void smooth_cover(const WorkBox& box, const SurfaceDepth& depth, const Mask& chu
 UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
                                 BandField level, const GreyClasses& classes, double blur,
                                 const AlongNormals& along) {
+  constexpr double kRounding = 1e-4;
   const double skin = skin_depth(blur);
-  const auto in_skin = [&](std::size_t v) { return depth[v] > -kReach && depth[v] < skin; };
-  Mask chunks = chunks_where(box.voxels(), in_skin);
+  const auto in_skin = [&](float d) { return d > -kReach && d < skin; };
+  Mask chunks = depth.chunks_where(in_skin);
   for (const MetalSurface::Voxel& v : along.metal.voxels) chunks[v.at / BandField::kChunk] = 1;
   UnderSurface under{BandField(chunks), {}};
-  chunks = chunks_where(box.voxels(), [&](std::size_t v) { return near_surface(depth[v], blur); });
+  chunks = depth.chunks_where([&](float d) { return near_surface(d, blur); });
   under.cover = BandField(chunks);
 
   const double step = 0.5 * blur;
+  const double half_step = (0.5 + kRounding) * (classes.enamel - classes.dentin),
+               all_enamel = classes.dentin + 2 * half_step;
   for_each_of(box, under.plateau, [&](int i, int j, int k, std::size_t v) {
     under.plateau[v] = grey[v];
-    if (!in_skin(v)) return;
+    if (!in_skin(depth[v])) return;
     const Index3 index(i, j, k);
     const Vec3 inwards = inwards_at(box, level, index);
     const auto at_depth = [&](double s) {
       return trilinear(box.size, grey, index.cast<double>() + inwards * (s - depth[v]));
     };
+    // As bright as this it is enamel, without a share of dentin: more makes no difference.
+    const bool near = near_surface(depth[v], blur);
+    const double enough = near ? all_enamel : enamel_border(classes, depth[v], blur) + half_step;
     float brightest = depth[v] >= 0 ? grey[v] : at_depth(0);
-    for (double s = std::max<double>(depth[v], 0) + step; s < skin + 0.5 * step; s += step)
+    for (double s = std::max<double>(depth[v], 0) + step;
+         s < skin + 0.5 * step && brightest < enough; s += step)
       brightest = std::max(brightest, at_depth(s));
     under.plateau[v] = brightest;
-    if (!near_surface(depth[v], blur)) return;
-    for (double s = 0; s < depth[v]; s += step) brightest = std::max(brightest, at_depth(s));
+    if (!near) return;
+    for (double s = 0; s < depth[v] && brightest < enough; s += step)
+      brightest = std::max(brightest, at_depth(s));
     under.cover[v] = static_cast<float>(
         std::clamp((brightest - classes.dentin) / (classes.enamel - classes.dentin), 0.0, 1.0));
   });
@@ -319,7 +328,14 @@ SignedField solid_field(const WorkBox& box, const Field& grey, const SurfaceDept
     return signed_as(rough && (value > 0 || in_cavity), value);
   };
   solid.resize(box.voxels());
-  box.for_each([&](int, int, int, std::size_t v) { solid[v] = value_at(v) > 0; });
+  // Where all is deep inside or far outside, one voxel says it for all: a cavity is inside, too.
+  depth.for_each_chunk([&](std::size_t first, std::size_t end, bool far) {
+    if (far)
+      std::fill(solid.data() + first, solid.data() + end,
+                static_cast<std::uint8_t>(depth[first] > 0));
+    else
+      for (std::size_t v = first; v < end; ++v) solid[v] = value_at(v) > 0;
+  });
   keep_largest_component(box.size, solid);
   fill_enclosed(box.size, solid);
   const auto ends_at_metal = [&](const MetalSurface::Voxel& v) {
@@ -350,13 +366,31 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
   const auto in_pulp = [&](std::size_t v) { return has_pulp && cavity.mask[v]; };
   const auto in_metal = [&](std::size_t v) { return has_metal && metal[v]; };
   Mask enamel(box.voxels());
-  box.for_each([&](int, int, int, std::size_t v) {
-    enamel[v] = in_domain(v) && !in_metal(v) && above_border(v) > 0;
+  depth.for_each_chunk([&](std::size_t first, std::size_t end, bool far) {
+    if (far && !in_domain(first)) return;
+    if (far && !has_metal && !plateau.has(first)) {
+      const float border = enamel_border(classes, depth[first], blur);
+      const float* in = grey.data();
+      std::uint8_t* out = enamel.data();
+      for (std::size_t v = first; v < end; ++v) out[v] = in[v] > border;
+    } else {
+      for (std::size_t v = first; v < end; ++v)
+        enamel[v] = in_domain(v) && !in_metal(v) && above_border(v) > 0;
+    }
   });
   // First in the solid alone, where an island can't hide behind its connection through the outside.
   clean_islands(
-      box, [in = solid.data()](std::size_t v) { return in[v]; }, cavity.mask, enamel);
-  clean_islands(box, in_domain, cavity.mask, enamel);
+      box,
+      [&](std::size_t first, std::size_t end, std::uint8_t* out) {
+        std::copy(solid.data() + first, solid.data() + end, out);
+      },
+      cavity.mask, enamel);
+  clean_islands(
+      box,
+      [&](std::size_t first, std::size_t end, std::uint8_t* out) {
+        depth.above(-kReach, first, end, out);
+      },
+      cavity.mask, enamel);
 
   // Potentials against dentin, whose own is zero.
   const auto scaled = [](double difference, double contrast) {
@@ -365,11 +399,16 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
   // From here on the tissues, of what is outside the solid as well.
   const auto code = [](Tissue t) { return static_cast<std::uint8_t>(t); };
   std::vector<std::uint8_t> label = std::move(enamel);
-  box.for_each([&](int, int, int, std::size_t v) {
-    label[v] = code(in_metal(v)  ? Tissue::kOther
-                    : in_pulp(v) ? Tissue::kPulp
-                    : label[v]   ? Tissue::kEnamel
-                                 : Tissue::kDentin);
+  box.for_each_row([&](int, int, std::size_t first, std::size_t end) {
+    std::uint8_t* of = label.data();
+    const std::uint8_t of_enamel = code(Tissue::kEnamel), of_dentin = code(Tissue::kDentin);
+    for (std::size_t v = first; v < end; ++v) of[v] = of[v] ? of_enamel : of_dentin;
+    const auto set_where = [&](const Mask& mask, Tissue tissue) {
+      const std::uint8_t *in = mask.data(), of_tissue = code(tissue);
+      for (std::size_t v = first; v < end; ++v) of[v] = in[v] ? of_tissue : of[v];
+    };
+    if (has_pulp) set_where(cavity.mask, Tissue::kPulp);
+    if (has_metal) set_where(metal, Tissue::kOther);
   });
   const auto of_enamel = [&](std::size_t v) {
     return signed_as(label[v] == code(Tissue::kEnamel),
@@ -393,8 +432,10 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
     return has_pulp ? -std::max(of_enamel(v), of_pulp(v)) : -of_enamel(v);
   });
   if (has_pulp) fields.tissue[2] = field_of(Tissue::kPulp, of_pulp);
-  box.for_each([&](int, int, int, std::size_t v) {
-    if (!solid[v]) label[v] = code(Tissue::kAir);
+  box.for_each_row([&](int, int, std::size_t first, std::size_t end) {
+    const std::uint8_t *in = solid.data(), air = code(Tissue::kAir);
+    std::uint8_t* of = label.data();
+    for (std::size_t v = first; v < end; ++v) of[v] = in[v] ? of[v] : air;
   });
   fields.label = std::move(label);
 }
@@ -430,8 +471,7 @@ AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std:
   }
   if (!classes.threshold_metal) return result;
   Mask domain(box.voxels());
-  const auto in_domain = depth.above(-kReach);
-  for (std::size_t v = 0; v < domain.size(); ++v) domain[v] = in_domain(v);
+  depth.above(-kReach, 0, domain.size(), domain.data());
   result.metal = find_metal_surface(box, scan, grey, domain, classes, clip_of(seen, scan_voxels),
                                     result.sigma, blur);
   return result;
@@ -595,8 +635,13 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   // The solid to a voxel: the largest piece of tissue with its cavities.
   progress("finding the surface", 0.6);
   Mask rough(box.voxels());
-  for (std::size_t v = 0; v < rough.size(); ++v)
-    rough[v] = grey[v] >= classes.threshold_dentin || (!cavity.mask.empty() && cavity.mask[v]);
+  box.for_each_row([&, least = not_below(classes.threshold_dentin)](int, int, std::size_t first,
+                                                                    std::size_t end) {
+    const float* in = grey.data();
+    std::uint8_t* out = rough.data();
+    for (std::size_t v = first; v < end; ++v) out[v] = in[v] >= least;
+    for (std::size_t v = first; v < end && !cavity.mask.empty(); ++v) out[v] |= cavity.mask[v];
+  });
   keep_largest_component(box.size, rough);
   fill_enclosed(box.size, rough);
 

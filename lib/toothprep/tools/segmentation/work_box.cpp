@@ -77,10 +77,13 @@ class BrickLayers {
         first_(first),
         size_(box.size.x(), box.size.y(), last - first),
         area_(static_cast<std::size_t>(box.size.x()) * static_cast<std::size_t>(box.size.y())) {
-    distances_of(fields.solid, distance_[0]);
-    near_solid_ = parts_of_rows([](std::size_t, float solid) { return solid < kBand; });
-    for (std::size_t k = 0; k < 3; ++k)
-      if (!fields.tissue[k].empty()) distances_of(fields.tissue[k], distance_[k + 1]);
+    for (std::size_t n = 0; n < 4; ++n)
+      if (n == 0 || !fields.tissue[n - 1].empty())
+        distance_[n].resize(static_cast<std::size_t>(size_.z()) * area_);
+    iso_distance_in(box.size, {&fields.solid, distance_[0].data(), nullptr}, kBand, first, last);
+    near_solid_ = whole_rows();
+    shorten(near_solid_, [&](std::size_t o) { return distance_[0][o] < kBand; });
+    find_tissues();
   }
 
   // Level sets and labels of the brick from `at` (of the box) on.
@@ -98,18 +101,27 @@ class BrickLayers {
       return std::abs(voxels) < kBand ? std::clamp(voxels * mm, -band, band)
                                       : std::copysign(band, voxels);
     };
-    for (int v = 0; v < kBrickVoxels; ++v) {
-      const Index3 i = at + Index3(v >> 6, (v >> 3) & 7, v & 7);
-      brick.label[v] = static_cast<std::uint8_t>(Tissue::kAir);
-      for (auto& phi : brick.phi) phi[v] = band;
-      if (i.minCoeff() < 0 || (box_.size - i).minCoeff() <= 0) continue;
-      const std::size_t o = box_.offset(i.x(), i.y(), i.z() - first_);
-      const float solid = distance(distance_[0][o]);
-      brick.phi[0][v] = solid;
-      for (std::size_t k = 1; k < 4; ++k)
-        if (!distance_[k].empty()) brick.phi[k][v] = std::max(distance(distance_[k][o]), solid);
-      if (solid < 0) brick.label[v] = fields_.label[o + static_cast<std::size_t>(first_) * area_];
-    }
+    brick.label.fill(static_cast<std::uint8_t>(Tissue::kAir));
+    for (auto& phi : brick.phi) phi.fill(band);
+    const Index3 from = (-at).cwiseMax(0), to = (box_.size - at).cwiseMin(kBrickEdge);
+    for (int z = from.z(); z < to.z(); ++z)
+      for (int y = from.y(); y < to.y(); ++y) {
+        const std::size_t row = box_.offset(0, at.y() + y, at.z() + z - first_);
+        const std::uint8_t* label =
+            fields_.label.data() + row + static_cast<std::size_t>(first_) * area_;
+        std::array<float, kBrickEdge> solid, phi;
+        const auto place = [&](int x) { return static_cast<std::size_t>(x << 6 | y << 3 | z); };
+        for (std::size_t n = 0; n < 4; ++n) {
+          if (distance_[n].empty()) continue;
+          const float* voxels = distance_[n].data() + row;
+          for (int x = from.x(); x < to.x(); ++x) phi[x] = distance(voxels[at.x() + x]);
+          if (n == 0) solid = phi;
+          for (int x = from.x(); x < to.x(); ++x)
+            brick.phi[n][place(x)] = std::max(phi[x], solid[x]);
+        }
+        for (int x = from.x(); x < to.x(); ++x)
+          if (solid[x] < 0) brick.label[place(x)] = label[at.x() + x];
+      }
     return true;
   }
 
@@ -127,42 +139,44 @@ class BrickLayers {
     return true;
   }
 
-  // Of each row what lies between the first and the last node for which wanted(node, solid's distance).
+  std::vector<RowPart> whole_rows() const {
+    return std::vector<RowPart>(distance_[0].size() / static_cast<std::size_t>(size_.x()),
+                                {0, size_.x()});
+  }
+  // Of each part what lies between the first and the last node that is wanted.
   template <class Wanted>
-  std::vector<RowPart> parts_of_rows(const Wanted& wanted) const {
-    const auto nx = static_cast<std::size_t>(size_.x());
-    std::vector<RowPart> parts(distance_[0].size() / nx);
+  void shorten(std::vector<RowPart>& parts, const Wanted& wanted) const {
     for (std::size_t r = 0; r < parts.size(); ++r) {
-      const auto is_wanted = [&](int i) {
-        const std::size_t o = r * nx + static_cast<std::size_t>(i);
-        return wanted(o, distance_[0][o]);
-      };
-      RowPart part{0, size_.x()};
+      const std::size_t row = r * static_cast<std::size_t>(size_.x());
+      const auto is_wanted = [&](int i) { return wanted(row + static_cast<std::size_t>(i)); };
+      RowPart& part = parts[r];
       while (part.first < part.end && !is_wanted(part.first)) ++part.first;
       while (part.first < part.end && !is_wanted(part.end - 1)) --part.end;
-      parts[r] = part;
     }
-    return parts;
   }
 
-  void distances_of(const SignedField& field, Field& distance) const {
-    constexpr int kAround = static_cast<int>(kBandVoxels) + 1;
-    const int low = std::max(0, first_ - kAround),
-              high = std::min(box_.size.z(), first_ + size_.z() + kAround);
-    Field planes(static_cast<std::size_t>(high - low) * area_);
-    field.copy(static_cast<std::size_t>(low) * area_, planes.size(), planes.data());
-    // A tissue's distance doesn't matter where the solid's is the larger for sure: beyond the solid's
-    // band, and outside the solid where the tissue's field is inside.
-    std::vector<RowPart> wanted;
-    if (&field != &fields_.solid) {
-      const float* own = planes.data() + static_cast<std::size_t>(first_ - low) * area_;
-      wanted = parts_of_rows(
-          [&](std::size_t o, float solid) { return solid < 0 || (solid < kBand && own[o] < 0); });
+  // The dentin's surface is for the most part enamel's and the pulp's from the other side. A tissue's
+  // distance doesn't matter where the solid's is the larger for sure: beyond the solid's band, and outside the
+  // solid where the tissue's field is inside.
+  void find_tissues() {
+    const std::size_t before = static_cast<std::size_t>(first_) * area_;
+    std::vector<IsoField> tissues;  // dentin first
+    std::array<std::vector<RowPart>, 3> wanted;
+    for (const std::size_t t : {std::size_t{1}, std::size_t{0}, std::size_t{2}}) {
+      const SignedField& own = fields_.tissue[t];
+      if (own.empty()) continue;
+      const SignedField& first = tissues.empty() ? own : *tissues.front().field;
+      wanted[t] = near_solid_;
+      shorten(wanted[t], [&](std::size_t o) {
+        return distance_[0][o] < 0 ||
+               (distance_[0][o] < kBand && (own[before + o] < 0 || first[before + o] < 0));
+      });
+      tissues.push_back({&own, distance_[t + 1].data(), wanted[t].data()});
     }
-    distance.resize(static_cast<std::size_t>(size_.z()) * area_);
-    iso_distance_in(Index3(size_.x(), size_.y(), high - low), planes.data(), kBand, first_ - low,
-                    first_ - low + size_.z(), distance.data(),
-                    wanted.empty() ? nullptr : wanted.data());
+    if (tissues.empty()) return;
+    const IsoField of = tissues.front();
+    tissues.erase(tissues.begin());
+    iso_distance_in(box_.size, of, kBand, first_, first_ + size_.z(), tissues);
   }
 
   const WorkBox& box_;
@@ -191,8 +205,7 @@ LayeredTooth tooth_of(const WorkBox& box, const ToothFields& fields) {
     const BrickLayers layers(box, fields, first, last);
     BrickLayers::Brick brick;
     for (int b = 0; b < counts.x() * counts.y() * (z_end - z); ++b) {
-      const Index3 at(b / (z_end - z) / counts.y(), b / (z_end - z) % counts.y(),
-                      z + b % (z_end - z));
+      const Index3 at(b % counts.x(), b / counts.x() % counts.y(), z + b / counts.x() / counts.y());
       if (!layers.fill(first_voxel + at * kBrickEdge, brick)) continue;  // as it is
       const std::size_t place =
           (static_cast<std::size_t>(at.x()) * counts.y() + at.y()) * counts.z() + at.z();

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -41,7 +42,21 @@ struct WorkBox {
         for (int i = 0; i < size.x(); ++i, ++v) work(i, j, k, v);
     });
   }
+  // work(j, k, first, end) for every row along x, planes in parallel.
+  template <class Work>
+  void for_each_row(const Work& work) const {
+    tbb::parallel_for(0, size.z(), [&](int k) {
+      for (int j = 0; j < size.y(); ++j) work(j, k, offset(0, j, k), offset(0, j + 1, k));
+    });
+  }
 };
+
+// The least of single precision that is not below a number: what is at least one is at least the other.
+inline float not_below(double value) {
+  const auto nearest = static_cast<float>(value);
+  return nearest >= value ? nearest
+                          : std::nextafter(nearest, std::numeric_limits<float>::infinity());
+}
 
 // work(i, j, k, offset) for every voxel that the field has, planes in parallel.
 template <class Work>
