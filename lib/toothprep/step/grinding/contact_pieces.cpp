@@ -27,20 +27,19 @@ constexpr float kFresh = 0.5f;
 constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
 constexpr float kAcross = 10;             // 1 / sine from which on a motion isn't along it any more
+constexpr float kBeside = 4;              // 1 / cosine² up to which an edge lies beside the motion
 // The floor that it left ahead of the bur, likewise.
-constexpr float kFloorStandsOut = 0.04f;
+constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
 
-// By how much (mm of the field) the floor that a sharp edge left is too high at that edge, from the
-// field's value in the middle of pieces half_along mm long and its rise from the edge to the middle.
-// Only a thin chip can be such a floor: one three times as thick as it stands out counts as a whole.
-Float4 floor_too_high(const Float4& value, const Float4& rise, float half_along, float voxel) {
-  const Float4 slope = greatest(rise, all4(kLeastExtent)) / half_along;
-  const Float4 thick = half_along - value / slope;
+// By how much (mm) the floor that a sharp edge left is too high at that edge, from the field's value in
+// the middle of pieces there and its rise from the edge to the middle. Only a thin chip can be such a
+// floor: one twice as thick as it stands out counts as a whole.
+Float4 floor_too_high(const Float4& value, const Float4& rise, float voxel) {
   const float most = kFloorStandsOut * voxel;
-  const Float4 lower = greatest(least(1.5f * most - 0.5f * thick, all4(most)), Float4{});
-  return rise > 0 ? slope * lower : Float4{};
+  const Float4 thick = rise - value;
+  return rise > 0 ? greatest(least(2 * most - thick, all4(most)), Float4{}) : Float4{};
 }
 
 }  // namespace
@@ -216,10 +215,12 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
   const Float4 fresh =
       (kFresh * 0.5f * look * look) * bend +
       (s.at_edge ? all4(kFresh * look * per_speed) : Float4{}) * greatest(s.advance, Float4{});
+  // Of a flat end only beside the axis, where floor and wall of its slot meet.
+  const Float4 beside = kt != 0 ? all4(1) : greatest(1 - kBeside * vl * vl, Float4{});
   const Float4 stands_out =
-      all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge;
+      all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge * beside;
   Float4 hidden = least(least(value, back), surface);
-  if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, along, voxel);
+  if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, voxel);
   const Float4 change = change_along_way(hidden, range_along, range_around, rise_there);
   s.change = s.live ? greatest(s.change, change) : s.change;
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
