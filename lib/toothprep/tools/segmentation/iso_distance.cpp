@@ -418,6 +418,11 @@ class Slab {
         if (!counts(n, row, at)) continue;
         if (!made) triangle.rows_from(from_y, from_z, x, rows);
         made = true;
+        if (triangle.area2 >= kSliver && at + kLanes <= nodes_) {
+          const float dy = (from_y + static_cast<float>(n)) - centre.y();
+          if (!may_lie_above(best_ + at, triangle, rows, n, x[n] - centre.x(), dy * dy + dz * dz))
+            continue;
+        }
         lower_nodes(triangle, rows, n, at, last[n] - first[n] + 1);
       }
       for (int n = 0; n < count; ++n) {
@@ -434,9 +439,23 @@ class Slab {
   bool may_be_nearer(const float* best, float x, float side2, float radius) const {
     const float slope = 1 + 2 * radius / band_, rest = side2 - radius * (0.5f * band_ + radius);
     const Lanes dx = x + kUp;
-    const auto nearer = dx * dx + rest < slope * load(best);
+    return any(dx * dx + rest < slope * load(best));
+  }
+  // The same by the height above the triangle's plane, and how far beside the ball that is. Here a root is
+  // not more than its tangent at kTangent, since where a triangle beneath is known little room is left.
+  static bool may_lie_above(const float* best, const Triangle& triangle, const Triangle::Rows& rows,
+                            int r, float x, float side2) {
+    constexpr float kTangent = 0.25f, kHeightSlack = 3 * kSlack;
+    const Lanes height = rows.height[r] + kUp * triangle.normal.x(), dx = x + kUp;
+    const Lanes height2 = height * height, beside2 = dx * dx + side2 - height2,
+                room = load(best) + kHeightSlack - height2;
+    const float radius = triangle.radius + kMargin;
+    return any((room >= 0) &
+               (beside2 < radius * (radius + kTangent) + room * (1 + radius / kTangent)));
+  }
+  static bool any(const decltype(Lanes{} < Lanes{}) & lanes) {
     std::array<std::uint64_t, kLanes / 2> pairs;
-    std::memcpy(pairs.data(), &nearer, sizeof nearer);
+    std::memcpy(pairs.data(), &lanes, sizeof lanes);
     return (pairs[0] | pairs[1] | pairs[2] | pairs[3]) != 0;
   }
 
