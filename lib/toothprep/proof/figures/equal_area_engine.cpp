@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "toothprep/step/grinding/voxel_at.h"
+
 namespace toothprep::figures {
 
 EqualAreaEngine::EqualAreaEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
@@ -53,9 +55,9 @@ void EqualAreaEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcep
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   const Mat3 rotation = pose.orientation.toRotationMatrix() / workpiece_.voxel();
   for (const Cell& cell : cells_) {
-    const Vec3 at = (tip + rotation * cell.centre + Vec3::Constant(0.5)).array().floor();
+    const Vec3 at = tip + rotation * cell.centre + Vec3::Constant(0.5);
     if (!(at.cwiseAbs().maxCoeff() < 1e8)) continue;  // far outside; must not overflow
-    const Index3 v = at.cast<int>();
+    const Index3 v = voxel_at(at);
     const std::uint8_t label = labels.value(v.x(), v.y(), v.z());
     if (label == 0 || cut.value(v.x(), v.y(), v.z()) > 0) continue;
     contact_.add(cell.element, label - 1, 1);

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "toothprep/step/grinding/deep_voxels.h"
+#include "toothprep/step/grinding/voxel_at.h"
 
 namespace toothprep::figures {
 OneLayerEngine::OneLayerEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
@@ -35,8 +36,7 @@ void OneLayerEngine::remove_at(const Pose& pose) noexcept {
   if (!(tip.cwiseAbs().maxCoeff() < 1e6)) return;  // a bur that was thrown out
   const Mat3 to_index = pose.orientation.toRotationMatrix() / workpiece_.voxel();
   for (const Vec3& point : surface_) {
-    const Vec3 at = (tip + to_index * point + Vec3::Constant(0.5)).array().floor();
-    const Index3 v = at.cast<int>();
+    const Index3 v = voxel_at(tip + to_index * point + Vec3::Constant(0.5));
     const std::int64_t index = labels.brick_index(v.x(), v.y(), v.z());
     if (index < 0) continue;
     const auto brick = static_cast<std::size_t>(index);

@@ -35,19 +35,21 @@ void for_deep_voxels(const Bur& bur, const Workpiece& workpiece, const Pose& pos
   const double widest = bur.max_radius() - depth + 1e-9, lowest = depth - 1e-9;
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
-      for (int z = low.z(); z <= high.z(); ++z) {
+      for (int z = low.z(), last_z = 0; z <= high.z(); z = last_z + 1) {  // a brick's at a time
+        last_z = std::min(high.z(), z | (kBrickEdge - 1));
         const auto brick = static_cast<std::size_t>(cut.brick_index(x, y, z));
-        if (labels.is_uniform(brick) && labels.uniform_value(brick) == 0) {
-          z |= kBrickEdge - 1;  // on to the next
-          continue;
-        }
-        const int at = brick_offset(x & 7, y & 7, z & 7);
-        const std::uint8_t label = labels.brick(brick)[at];
-        if (label == 0 || cut.brick(brick)[at] > 0) continue;
-        const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
-        if (b.z() < lowest || b.head<2>().squaredNorm() > widest * widest) continue;
-        if (bur.distance(std::hypot(b.x(), b.y()), b.z()) < -depth)
+        if (labels.is_uniform(brick) && labels.uniform_value(brick) == 0) continue;
+        const auto* its_labels = labels.brick(brick);
+        const auto* is_cut = cut.brick(brick);
+        for (int at = brick_offset(x & 7, y & 7, z & 7); z <= last_z; ++z, ++at) {
+          const std::uint8_t label = its_labels[at];
+          if (label == 0 || is_cut[at] > 0) continue;
+          const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
+          if (b.z() < lowest || b.head<2>().squaredNorm() > widest * widest) continue;
+          if (!(bur.distance(std::hypot(b.x(), b.y()), b.z()) < -depth)) continue;
           found(brick, at, Index3(x, y, z), label);
+          is_cut = cut.brick(brick);  // may be elsewhere now
+        }
       }
 }
 

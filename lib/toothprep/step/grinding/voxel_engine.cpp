@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <set>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/grinding/deep_voxels.h"
+#include "toothprep/step/grinding/voxel_at.h"
 
 namespace toothprep {
 namespace {
@@ -24,33 +24,35 @@ Vec3 centre_of(const Cell& c, double pitch) {
   return pitch * Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5);
 }
 
-// floor, without a call where the processor's own isn't compiled in.
-int below(double x) {
-  const int cut_off = static_cast<int>(x);
-  return cut_off - (x < cut_off);
-}
-
 double distance_at(const Bur& bur, const Vec3& x) {
   return bur.distance(std::hypot(x.x(), x.y()), x.z());
 }
 
 // The cells of the head by depth: at most one voxel beneath the surface, and whether any is deeper.
 struct Layers {
-  std::set<Cell> boundary;
+  int half = 0, height = 0;    // cells each way around the axis, and along it
+  std::vector<bool> boundary;  // which ones are
   bool any_interior = false;
+  std::size_t place(int i, int j, int k) const {
+    return static_cast<std::size_t>(((i + half) * 2 * half + j + half) * height + k);
+  }
+  bool has(int i, int j, int k) const {
+    return i >= -half && i < half && j >= -half && j < half && k >= 0 && k < height &&
+           boundary[place(i, j, k)];
+  }
 };
 Layers layers_of(const Bur& bur, double pitch) {
-  const int half = static_cast<int>(std::ceil(bur.max_radius() / pitch));
-  const int height = static_cast<int>(std::ceil(bur.head_length() / pitch));
   Layers layers;
+  const int half = layers.half = static_cast<int>(std::ceil(bur.max_radius() / pitch));
+  const int height = layers.height = static_cast<int>(std::ceil(bur.head_length() / pitch));
+  layers.boundary.resize(static_cast<std::size_t>(4 * half * half * height));
   for (int i = -half; i < half; ++i)
     for (int j = -half; j < half; ++j)
       for (int k = 0; k < height; ++k) {
-        const Cell cell = {i, j, k};
-        const double d = distance_at(bur, centre_of(cell, pitch));
+        const double d = distance_at(bur, centre_of({i, j, k}, pitch));
         if (d >= 0) continue;
         if (d >= -pitch * (1 + kDepthRounding))
-          layers.boundary.insert(layers.boundary.end(), cell);
+          layers.boundary[layers.place(i, j, k)] = true;
         else
           layers.any_interior = true;
       }
@@ -102,15 +104,22 @@ void VoxelEngine::share_surface_out(const Bur& bur, bool clockwise) {
     const Vec3 index = (beneath / pitch).array().floor();
     Cell best{};
     double nearest = 1e300;
-    for (int d = 0; d < 125; ++d) {
-      const Cell c = {static_cast<int>(index.x()) + d / 25 - 2,
-                      static_cast<int>(index.y()) + d / 5 % 5 - 2,
-                      static_cast<int>(index.z()) + d % 5 - 2};
-      const double distance = (centre_of(c, pitch) - beneath).squaredNorm();
-      if (distance >= nearest || !layers.boundary.contains(c)) continue;
-      nearest = distance;
-      best = c;
-    }
+    const auto look = [&](int reach) {
+      for (int i = -reach; i <= reach; ++i)
+        for (int j = -reach; j <= reach; ++j)
+          for (int k = -reach; k <= reach; ++k) {
+            const Cell c = {static_cast<int>(index.x()) + i, static_cast<int>(index.y()) + j,
+                            static_cast<int>(index.z()) + k};
+            if (!layers.has(c[0], c[1], c[2])) continue;
+            const double distance = (centre_of(c, pitch) - beneath).squaredNorm();
+            if (distance >= nearest) continue;
+            nearest = distance;
+            best = c;
+          }
+    };
+    look(1);
+    // Those farther off are at least one and a half voxels away.
+    if (nearest > 2 * pitch * pitch) nearest = 1e300, look(2);
     if (nearest == 1e300) continue;  // a feature thinner than a voxel, which this engine can't see
     Part& part = parts[best];
     part.weight += e.weight[n];
@@ -142,24 +151,29 @@ std::vector<Vec3> VoxelEngine::contact_points() const {
 void VoxelEngine::follow(const Pose& pose) noexcept {
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   const Mat3 rotation = pose.orientation.toRotationMatrix() / workpiece_.voxel();
-  const Vec3 moved = (tip - tip_).cwiseAbs();
+  const Vec3 by = tip - tip_;
   tip_ = tip;
   bool anew = rotation != rotation_;
   if (anew) {
     rotation_ = rotation;
-    moves_.fill(false);
+    moves_.fill(Ways{});
     for (std::size_t i = 0; i < samples_.size(); ++i)
       turned_[i] = rotation * samples_[i].surface_point;
   } else {
-    for (std::size_t a = 0; a < 3; ++a) {
-      if (moved[static_cast<int>(a)] == 0 || moves_[a]) continue;
-      moves_[a] = anew = true;
+    for (int a = 0; a < 3; ++a) {
+      bool& known = by[a] < 0 ? moves_[a].down : moves_[a].up;
+      if (by[a] == 0 || known) continue;
+      known = anew = true;
     }
   }
   // More than any rounding, so that it grows with every move; NaN stays.
-  if (!anew && (moved.array() != 0).any()) way_ += moved.sum() + kWayRounding;
-  for (std::size_t i = 0; i < samples_.size(); ++i)
-    if (anew || !(way_ < places_[i].until)) find_place(i);
+  for (int a = 0; a < 3; ++a)
+    if (by[a] != 0) way_[a] += std::abs(by[a]) + kWayRounding;
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    const Vec3& until = places_[i].until;
+    if (anew || !(way_.x() < until.x() && way_.y() < until.y() && way_.z() < until.z()))
+      find_place(i);
+  }
 }
 
 void VoxelEngine::find_place(std::size_t sample) noexcept {
@@ -168,12 +182,13 @@ void VoxelEngine::find_place(std::size_t sample) noexcept {
   Place& place = places_[sample];
   place = {};
   if (!(at.cwiseAbs().maxCoeff() <= 1e8)) return;  // far outside; must not overflow
-  const Index3 v(below(at.x()), below(at.y()), below(at.z()));
-  double to_face = 1;  // of its voxel, along the axes on which the tip moves
-  for (int a = 0; a < 3; ++a)
-    if (moves_[static_cast<std::size_t>(a)])
-      to_face = std::min({to_face, at[a] - v[a], v[a] + 1 - at[a]});
-  place.until = way_ + to_face - kWayRounding;
+  const Index3 v = voxel_at(at);
+  for (int a = 0; a < 3; ++a) {
+    double to_face = 1;  // of its voxel, the ways that the tip moves
+    if (moves_[a].down) to_face = at[a] - v[a];
+    if (moves_[a].up) to_face = std::min(to_face, v[a] + 1 - at[a]);
+    place.until[a] = way_[a] + to_face - kWayRounding;
+  }
   const std::int64_t brick = labels.brick_index(v.x(), v.y(), v.z());
   if (brick < 0) return;
   const int voxel = brick_offset(v.x() & 7, v.y() & 7, v.z() & 7);

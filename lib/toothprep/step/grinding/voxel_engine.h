@@ -59,10 +59,13 @@ class VoxelEngine final : public GrindingEngine {
   };
   // Of the tooth's voxels the one in which a boundary voxel's point lies.
   struct Place {
-    double until = 0;         // `way_` up to which the point stays in it
-    std::int32_t brick = -1;  // table index; -1: no tissue there
-    std::int16_t voxel = 0;   // in the brick
-    std::int16_t tissue = 0;  // its index
+    Vec3 until = Vec3::Zero();  // `way_` up to which the point stays in it, along each axis
+    std::int32_t brick = -1;    // table index; -1: no tissue there
+    std::int16_t voxel = 0;     // in the brick
+    std::int16_t tissue = 0;    // its index
+  };
+  struct Ways {  // along an axis
+    bool down = false, up = false;
   };
   void share_surface_out(const Bur& bur, bool clockwise);
   void follow(const Pose& pose) noexcept;
@@ -80,8 +83,8 @@ class VoxelEngine final : public GrindingEngine {
   std::vector<Place> places_;     // theirs
   Mat3 rotation_ = Mat3::Zero();  // of the last sample(), per voxel
   Vec3 tip_ = Vec3::Zero();       // at the last sample(), voxels
-  double way_ = 0;                // of the tip, voxels: a bound of what it moved along each axis
-  std::array<bool, 3> moves_{};   // the axes along which it moved since it last turned
+  Vec3 way_ = Vec3::Zero();       // of the tip, voxels: bounds of what it moved along the axes
+  std::array<Ways, 3> moves_{};   // the ways that it moved since it last turned
   ContactSet contact_;
   Pose last_;  // where tissue was last removed
   bool paused_ = false;
