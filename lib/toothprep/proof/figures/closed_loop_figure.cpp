@@ -203,7 +203,7 @@ FigureReport closed_loop_figure(const Experiment& experiment, FigureContext& con
   plot.panels = {
       {"device $F_y$ (N)\ndirect", {}}, {"device $F_y$ (N)\ncoupled", {}}, {"handle $y$ (mm)", {}}};
   for (int i = 0; i < 2; ++i) {
-    const Loop& loop = loops[i];
+    Loop& loop = loops[i];
     RunReport report = report_of(runs[i], loop.outcome, o.voxel, nullptr);
     report.trace = context.write_trace(experiment, runs[i].name, runs[i], loop.outcome);
     figure.runs.push_back(report);

@@ -124,10 +124,10 @@ void claim_imposed_force(FigureReport& figure, const Run& run, const Bur& bur,
 FigureReport droop_figure(const Experiment& experiment, FigureContext& context) {
   const FigureOptions& o = context.options();
   FigureReport figure;
-  const std::vector<Outcome> outcomes = replay_runs(experiment, o.engines.front(), context);
+  std::vector<Outcome> outcomes = replay_runs(experiment, o.engines.front(), context);
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
-    const Outcome& outcome = outcomes[i];
+    Outcome& outcome = outcomes[i];
     RunReport report = report_of(run, outcome, o.voxel, nullptr);
     report.trace = context.write_trace(experiment, run.name, run, outcome);
     std::string exact_file;

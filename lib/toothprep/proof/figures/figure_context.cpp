@@ -56,9 +56,8 @@ std::string FigureContext::place(const Experiment& experiment, const std::string
 }
 
 std::string FigureContext::write_trace(const Experiment& experiment, const std::string& name,
-                                       const Run& run, const Outcome& outcome) const {
+                                       const Run& run, Outcome& outcome) const {
   Trace trace;
-  trace.rows = outcome.replay.rows;
   trace.parameters_toml = to_toml(outcome.parameters);
   trace.tooth_sha256 = outcome.tooth_sha256;
   trace.toothprep_version = options_.version;
@@ -69,7 +68,9 @@ std::string FigureContext::write_trace(const Experiment& experiment, const std::
                  outcome.replay.energy_ratio};
   for (const double v : outcome.replay.totals.initial_overlap) trace.initial_overlap_mm3 += v;
   std::string file = place(experiment, name + ".h5");
+  trace.rows.swap(outcome.replay.rows);
   toothprep::write_trace(trace, options_.output + "/" + file);
+  trace.rows.swap(outcome.replay.rows);
   return file;
 }
 

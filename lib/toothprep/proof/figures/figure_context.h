@@ -34,7 +34,7 @@ class FigureContext {
 
   // Files of an experiment: FOLDER/NAME in the output; the relative path is returned.
   std::string write_trace(const Experiment& experiment, const std::string& name, const Run& run,
-                          const Outcome& outcome) const;
+                          Outcome& outcome) const;  // whose rows are lent, and back afterwards
   std::string write_exact(const Experiment& experiment, const std::string& name,
                           const std::vector<HandleSample>& path, const Exact& exact) const;
   std::string write_series(const Experiment& experiment, const std::string& name,

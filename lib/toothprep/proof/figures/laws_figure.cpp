@@ -92,10 +92,10 @@ void claim_coupled(FigureReport& figure, const Run& run, const Outcome& outcome)
 FigureReport laws_figure(const Experiment& experiment, FigureContext& context) {
   const FigureOptions& o = context.options();
   FigureReport figure;
-  const std::vector<Outcome> outcomes = replay_runs(experiment, EngineKind::kLevelset, context);
+  std::vector<Outcome> outcomes = replay_runs(experiment, EngineKind::kLevelset, context);
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
-    const Outcome& outcome = outcomes[i];
+    Outcome& outcome = outcomes[i];
     const std::string engine = name_of(outcome.parameters.engine);
     if (run.drive == Drive::kDirect)
       claim_direct(figure, run, make_bur(run.bur, o.bur_library), outcome);

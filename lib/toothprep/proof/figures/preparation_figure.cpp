@@ -59,7 +59,7 @@ FigureReport preparation_figure(const Experiment& experiment, FigureContext& con
 
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
-    const Outcome& outcome = outcomes[i];
+    Outcome& outcome = outcomes[i];
     const std::string engine = name_of(outcome.parameters.engine);
     RunReport report = report_of(run, outcome, o.voxel, nullptr);
     report.trace = context.write_trace(experiment, run.name, run, outcome);

@@ -120,10 +120,10 @@ void claim_rotor(FigureReport& figure, const Run& run, const Outcome& outcome,
 
 FigureReport rotor_figure(const Experiment& experiment, FigureContext& context) {
   FigureReport figure;
-  const std::vector<Outcome> outcomes = replay_runs(experiment, EngineKind::kLevelset, context);
+  std::vector<Outcome> outcomes = replay_runs(experiment, EngineKind::kLevelset, context);
   for (std::size_t i = 0; i < experiment.runs.size(); ++i) {
     const Run& run = experiment.runs[i];
-    const Outcome& outcome = outcomes[i];
+    Outcome& outcome = outcomes[i];
     const auto& rows = outcome.replay.rows;
     const std::vector<double> exact =
         integral(rows, outcome.parameters.handpiece, outcome.parameters.time_step);

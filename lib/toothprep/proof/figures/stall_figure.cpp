@@ -142,7 +142,7 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
     plot.title = experiment.title + ": " + run.title;
     std::vector<Curve> curves;
     std::string exact_file;
-    for (const Variant& v : variants) {
+    for (Variant& v : variants) {
       if (v.run != &run) continue;
       const bool levelset = v.parameters.engine == EngineKind::kLevelset;
       const std::string name = run.name + "-" + name_of(v.parameters.engine);
