@@ -93,6 +93,12 @@ std::vector<Eigen::Vector3f> level_normals(const RenderPart& part) {
   return normals;
 }
 
+float fiftieth_power(double x) {
+  const double second = x * x, fourth = second * second, eighth = fourth * fourth;
+  const double sixteenth = eighth * eighth;
+  return static_cast<float>(sixteenth * sixteenth * sixteenth * second);
+}
+
 int rounded_up(int value, int step) { return (value + step - 1) / step * step; }
 
 // Whether two places are of one surface, so that what lies between them may be left out: nothing
@@ -354,7 +360,7 @@ struct Renderer::Pass {
     seen.upward = static_cast<float>(seen.normal.dot(sky));
     seen.to_key = facing(key);
     seen.to_fill = facing(fill);
-    seen.gloss = seen.on_cut ? 0.f : std::pow(facing(half), 50.f);
+    seen.gloss = seen.on_cut ? 0.f : fiftieth_power(facing(half));
   }
 
   // Of rays, those that meet a part of what is kept: bit i that of rays[i].
