@@ -171,6 +171,16 @@ TEST(OverlappingPasses, ASlowBurFeelsWhatAFastOneDoes) {
   }
 }
 
+// At the feed of real preparations, where a step is shorter than the way for which a sample stands.
+TEST(OverlappingPasses, ABurFedByThirdsOfAMicrometreFeelsWhatAFastOneDoes) {
+  for (Passes p : {selection()[0], selection()[1], selection()[4]}) {
+    p.speed = 0.3;
+    p.z.resize(2);
+    expect_right(p, errors_of(p, 0.1));
+    expect_right(p, errors_of(p, 0.05, 0.003, 0.0008));
+  }
+}
+
 // The first two passes.
 TEST(OverlappingPasses, WorkIsThreeTimesCloserAtHalfOfThat) {
   for (Passes p : selection()) {

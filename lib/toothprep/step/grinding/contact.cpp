@@ -17,6 +17,9 @@ constexpr float kRounding = 1e-6f;  // of the speed
 constexpr double kLookAhead = 0.8;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
+// A sample stands while the direction turns by no more than this (rad): over which part of a piece
+// v·n has its sign changes by a hundredth then.
+constexpr double kSteady = 5e-4;
 // Motion along another direction (cosine) finds something else.
 constexpr float kSameDirection = 0.995f;
 
@@ -33,6 +36,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
     : elements_(bur.elements(kPiecesAcross * piece_size, clockwise)),
       contact_(kPieces * elements_.size(), tissue, false),
       look_ahead_(kLookAhead * kPiecesAcross * piece_size),
+      most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {
   const std::size_t n = elements_.size();
   for (auto* array : {&left_, &advance_, &range_}) array->resize(n);
@@ -157,8 +161,9 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
             static_cast<float>(reach),
             omega.squaredNorm() > 0,
             cuts};
+  if (holds(scan, pose)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
-  begin(scan, pose, cuts);
+  begin(scan, pose);
   if (scan.turns)
     advance_turning(scan);
   else
@@ -169,13 +174,22 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   for (int c = 0; c < others; ++c) settle(scan, candidates_[c]);
 }
 
-// Takes the way since the last sample off what was found there.
-void ContactModel::begin(const Scan& scan, const Pose& pose, std::uint64_t cuts) noexcept {
-  const double speed = scan.speed;
-  const Vec3 direction = speed > 0 ? Vec3(scan.v.cast<double>() / speed) : Vec3(Vec3::Zero());
+// The way since the last sample, mm; what is looked for ahead lies elsewhere where the motion turns.
+double ContactModel::way_since(const Scan& scan, const Pose& pose) const noexcept {
   const Vec3 turn = (sampled_pose_.orientation.conjugate() * pose.orientation).vec();
-  double way = (pose.position - sampled_pose_.position).norm() + 2 * turn.norm() * arm_;
-  if (!scan.turns) way += look_ahead_ * (direction - sampled_direction_).norm();
+  const double way = (pose.position - sampled_pose_.position).norm() + 2 * turn.norm() * arm_;
+  return scan.turns ? way : way + look_ahead_ * (scan.direction() - sampled_direction_).norm();
+}
+
+// Whether the last sample still stands.
+bool ContactModel::holds(const Scan& scan, const Pose& pose) const noexcept {
+  return sampled_ && !scan.turns && !sampled_turning_ && scan.cuts == sampled_cuts_ &&
+         (scan.direction() - sampled_direction_).norm() <= kSteady && way_since(scan, pose) < held_;
+}
+
+// Takes the way since the last sample off what was found there.
+void ContactModel::begin(const Scan& scan, const Pose& pose) noexcept {
+  const double way = way_since(scan, pose);
   if (!sampled_ || scan.turns != sampled_turning_) {
     std::fill(left_.begin(), left_.end(), -1.0f);
   } else {
@@ -184,16 +198,16 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, std::uint64_t cuts)
   }
   way_ += way;
   // A cut makes void, and nothing else.
-  if (cuts != sampled_cuts_ || !sampled_ || scan.turns != sampled_turning_)
+  if (scan.cuts != sampled_cuts_ || !sampled_ || scan.turns != sampled_turning_)
     std::fill(settled_.begin(), settled_.end(), -1.0);
-  if (cuts != sampled_cuts_)
+  if (scan.cuts != sampled_cuts_)
     for (std::size_t i = 0; i < left_.size(); ++i)
       if (found_[i] == Found::kInside) left_[i] = -1;
   sampled_pose_ = pose;
-  sampled_direction_ = direction;
-  sampled_speed_ = speed;
+  sampled_direction_ = scan.direction();
+  sampled_speed_ = scan.speed;
   sampled_turning_ = scan.turns;
-  sampled_cuts_ = cuts;
+  sampled_cuts_ = scan.cuts;
   sampled_ = true;
 }
 
@@ -243,9 +257,14 @@ int ContactModel::choose(const Scan& scan) noexcept {
   const Found* found = found_.data();
   const float* left = left_.data();
   std::int32_t* worth = worth_.data();
-#pragma omp simd
-  for (int i = 0; i < n; ++i)
-    worth[i] &= (static_cast<std::int32_t>(found[i]) != 0 ? 1 : 0) | (left[i] < 0 ? 1 : 0);
+  auto held = static_cast<float>(most_held_);
+#pragma omp simd reduction(min : held)
+  for (int i = 0; i < n; ++i) {
+    const bool stands = static_cast<std::int32_t>(found[i]) == 0 && left[i] >= 0;
+    const float until = stands && worth[i] != 0 ? left[i] : held;
+    held = until < held ? until : held;
+    worth[i] = stands ? 0 : worth[i];
+  }
   std::int32_t *const candidates = candidates_.data(), *const to_look = to_look_.data();
   int count = 0, looks = 0;
   for (int i = 0; i < n; ++i) {
@@ -257,6 +276,10 @@ int ContactModel::choose(const Scan& scan) noexcept {
     looks += left[candidates[k]] < 0 ? 1 : 0;
   }
   for (int l = 0; l < looks; l += kPieces) look(scan, to_look + l, std::min(kPieces, looks - l));
+  // Until an element that is in the void may be reached.
+  for (int l = 0; l < looks; ++l)
+    if (found[to_look[l]] == Found::kVoid) held = std::min(held, left[to_look[l]]);
+  held_ = held;
   return count;
 }
 

@@ -19,7 +19,8 @@
 // passed again.
 //
 // From step to step little changes. What was found of an element as a whole is kept until the bur
-// has moved by half of the distance at which it could be different, or a cut was put in place.
+// has moved by half of the distance at which it could be different, or a cut was put in place. Along a
+// straight way a whole sample stands for a hundredth of a piece's size, if nothing is reached by then.
 #pragma once
 
 #include <array>
@@ -105,7 +106,9 @@ class ContactModel {
   ContactSet::Element point_of(std::size_t i, double around, double along, double share) const;
   void add_piece(std::size_t i, double around, double along, int across, int up, Pieces& to);
 
-  void begin(const Scan& scan, const Pose& pose, std::uint64_t cuts) noexcept;
+  double way_since(const Scan& scan, const Pose& pose) const noexcept;
+  bool holds(const Scan& scan, const Pose& pose) const noexcept;
+  void begin(const Scan& scan, const Pose& pose) noexcept;
   void advance_straight(const Scan& scan) noexcept;
   void advance_turning(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
@@ -168,14 +171,15 @@ class ContactModel {
   // Of a sample: v·n, half its range over the element, and 1 where it is worth a look.
   std::vector<float> advance_, range_;
   std::vector<std::int32_t> worth_, candidates_, to_look_;
-  double look_ahead_;  // mm
-  double arm_;         // mm, longest from the tip to a point of the head
+  double look_ahead_, most_held_;  // mm
+  double arm_;                     // mm, longest from the tip to a point of the head
 
   Pose sampled_pose_;
   Vec3 sampled_direction_ = Vec3::Zero();
   double sampled_speed_ = 0;
   bool sampled_turning_ = false, sampled_ = false;
   std::uint64_t sampled_cuts_ = 0;
+  double held_ = 0;  // mm of way for which the last sample stands
 };
 
 // Area of the elements (of a shank, or a head) whose middle lies in tissue, mm², by the nearest voxel.

@@ -81,6 +81,7 @@ struct ContactModel::Scan {
     const float per_speed = of_speed > 0 ? 1 / of_speed : 0;
     return frame.turned(u.x() * per_speed, u.y() * per_speed, u.z() * per_speed);
   }
+  Vec3 direction() const { return speed > 0 ? Vec3(v.cast<double>() / speed) : Vec3(Vec3::Zero()); }
   Eigen::Vector3f velocity_at(float x, float y, float z) const {
     return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
   }

@@ -17,6 +17,8 @@ constexpr float kAlongWall = 0.1f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
+// And for so many voxels at most by how it changes along the motion, rather than by the way alone.
+constexpr float kAsideVoxels = 0.02f;
 
 }  // namespace
 
@@ -32,6 +34,7 @@ struct ContactModel::Look {
   Int4 x, y, z;                         // their cells
   Int4 live;                            // within the box, and not in air
   Float4 value, extent, along, around;  // of the cut at the surface, and its half ranges, mm
+  Float4 rate;                          // of its change along the motion, per mm
   Int4 remains;                         // -1: not all of it is void
   Float4 clear;                         // mm: the next wall is at least so far away
   float left[kPieces];                  // as left_
@@ -52,7 +55,11 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
   s.elements = elements, s.count = count;
   locate(scan, s);
   const Float4 clear_of = s.extent + s.sag;  // a wall may bend towards the element's corners
-  const Float4 left = kStands * (s.value - clear_of);
+  // A wall along which the bur moves comes no nearer, as far as the cell of the lattice goes.
+  const Float4 gap = s.value - clear_of,
+               aside = least(kStands * (gap + kLeastExtent) / greatest(s.rate, all4(kLeastExtent)),
+                             all4(kAsideVoxels * static_cast<float>(workpiece.voxel())));
+  const Float4 left = greatest(kStands * gap, aside);
   s.remains = s.live & (s.value < clear_of);
   for (int p = 0; p < count; ++p) {
     const std::int32_t i = elements[p];
@@ -123,6 +130,7 @@ void ContactModel::locate(const Scan& scan, Look& s) noexcept {
   const FourSamples cut = cells.at(at.fx, at.fy, at.fz);
   s.value = cut.value - cut.gx * (kTakenBack * ahead_x) - cut.gy * (kTakenBack * ahead_y) -
             cut.gz * (kTakenBack * ahead_z);
+  s.rate = magnitude(cut.gx * s.unit_x + cut.gy * s.unit_y + cut.gz * s.unit_z);
   const FourSamples in_bur = f.gradients(cut);
   s.along = s.range_along(in_bur), s.around = s.range_around(in_bur);
   s.extent = kSlack * (s.along + s.around);

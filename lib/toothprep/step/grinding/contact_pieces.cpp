@@ -67,12 +67,15 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   if (!any(felt)) return;
   const bool simple = standing.inside_tooth && standing.only != 0;
   lanes.tissue = standing.only - 1;
-  if (simple && found_[i] == Found::kInside)
+  if (simple && found_[i] == Found::kInside) {
     lanes.share = all4(1);
-  else if (way_ < settled_[i])
-    take_settled(standing, lanes);
-  else
-    find_covered(scan, i, pieces, first, simple, lanes);
+  } else {
+    if (way_ < settled_[i])
+      take_settled(standing, lanes);
+    else
+      find_covered(scan, i, pieces, first, simple, lanes);
+    held_ = std::min(held_, settled_[i] - way_);
+  }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
   add_covered(middles(pieces, first, lanes), lanes);
