@@ -271,6 +271,24 @@ TEST(SurfaceDepth, ByChunksIsWhatItIsByVoxels) {
   EXPECT_GT(std::count(far.begin(), far.end(), 1), 100);
 }
 
+TEST(TrimmedField, HasItsValuesInTheChunksThatAreKeptAndOneForTheRest) {
+  constexpr float kFar = -7;
+  std::vector<float> values(kVoxels);
+  for (std::size_t v = 0; v < kVoxels; ++v) values[v] = static_cast<float>(v);
+  const Mask chunks =
+      chunks_where(kVoxels, [](std::size_t v) { return v % 50 == 3 || v + 1 == kVoxels; });
+  const TrimmedField field(chunks, values, kFar);
+  for (const float least : {-8.0f, 1500.0f}) {
+    std::vector<std::uint8_t> ones(kVoxels);
+    field.not_below(least, 5, kVoxels, ones.data() + 5);  // from within a chunk
+    for (std::size_t v = 5; v < kVoxels; ++v) {
+      const float value = chunks[v / BandField::kChunk] ? values[v] : kFar;
+      ASSERT_EQ(field[v], value) << v;
+      ASSERT_EQ(ones[v] != 0, value >= least) << v;
+    }
+  }
+}
+
 TEST(BandField, VisitsTheVoxelsThatItHas) {
   const BandField some(chunks_where(kVoxels, [](std::size_t v) { return v % 50 == 3; }));
   std::vector<std::size_t> visited;

@@ -25,6 +25,7 @@ class BandField {
     values_.assign(count * kChunk, 0.0f);
   }
 
+  bool empty() const { return place_.empty(); }
   bool has(std::size_t v) const { return place_[v / kChunk] != kNone; }
   float operator[](std::size_t v) const { return values_[at(v)]; }  // if it has
   float& operator[](std::size_t v) { return values_[at(v)]; }       // likewise
@@ -44,6 +45,47 @@ class BandField {
   std::size_t at(std::size_t v) const {
     return std::size_t{place_[v / kChunk]} * kChunk + v % kChunk;
   }
+  std::vector<std::uint32_t> place_;
+  std::vector<float> values_;
+};
+
+// Values of a box's voxels, of which those far from a surface don't matter: one value stands for all of
+// them. Kept in chunks as those above.
+class TrimmedField {
+ public:
+  TrimmedField() = default;
+  // Of one value per voxel; `far` in the chunks for which there is no one.
+  TrimmedField(const Mask& chunks, const std::vector<float>& values, float far)
+      : place_(chunks.size()) {
+    std::uint32_t count = kFar + 1;
+    for (std::size_t c = 0; c < chunks.size(); ++c) place_[c] = chunks[c] ? count++ : kFar;
+    values_.assign(count * kChunk, far);
+    tbb::parallel_for(std::size_t{0}, chunks.size(), [&](std::size_t c) {
+      if (chunks[c])
+        std::copy_n(values.data() + c * kChunk, std::min(kChunk, values.size() - c * kChunk),
+                    values_.data() + place_[c] * kChunk);
+    });
+  }
+
+  float operator[](std::size_t v) const { return *at(v); }
+  // Ones where it is `least` or more, of the voxels first .. end - 1.
+  void not_below(float least, std::size_t first, std::size_t end, std::uint8_t* out) const {
+    while (first < end) {
+      const std::size_t next = std::min(end, (first / kChunk + 1) * kChunk);
+      const float* values = at(first);
+      for (std::size_t n = 0, count = next - first; n < count; ++n) out[n] = values[n] >= least;
+      out += next - first;
+      first = next;
+    }
+  }
+  // The value of voxel v and, behind it, of those that follow in its chunk.
+  const float* at(std::size_t v) const {
+    return values_.data() + std::size_t{place_[v / kChunk]} * kChunk + v % kChunk;
+  }
+
+ private:
+  static constexpr std::size_t kChunk = BandField::kChunk;
+  static constexpr std::uint32_t kFar = 0;
   std::vector<std::uint32_t> place_;
   std::vector<float> values_;
 };

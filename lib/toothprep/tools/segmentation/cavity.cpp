@@ -23,7 +23,7 @@ struct Walls {
   bool closed(std::size_t v) const { return place[v] == 2; }
 };
 
-Walls walls_of(const WorkBox& box, const Field& grey, const GreyClasses& classes) {
+Walls walls_of(const WorkBox& box, const TrimmedField& grey, const GreyClasses& classes) {
   const std::size_t n = box.voxels();
   Walls walls;
   walls.grey = std::max(classes.threshold_dentin,
@@ -31,9 +31,7 @@ Walls walls_of(const WorkBox& box, const Field& grey, const GreyClasses& classes
   walls.place.resize(n);
   box.for_each_row(
       [&, least = not_below(walls.grey)](int, int, std::size_t first, std::size_t end) {
-        const float* in = grey.data();
-        std::uint8_t* out = walls.place.data();
-        for (std::size_t v = first; v < end; ++v) out[v] = in[v] >= least;
+        grey.not_below(least, first, end, walls.place.data() + first);
       });
   keep_largest_component(box.size, walls.place);
   for (std::size_t v = 0; v < n; ++v) walls.voxels += walls.place[v];
@@ -64,31 +62,31 @@ struct FromOutside {
   }
 };
 
-// Where a ball of this radius (voxels) fits, and where it comes in from the outside. Beyond the box
-// all is outside: there the centre is free at the ball's radius from the tooth, which is `margin`
-// voxels away.
-struct BallPlaces {
-  Mask open;  // 1 where it comes in, 2 where it only fits
-  FromOutside from_outside;
-};
-
-BallPlaces places_of_ball(const WorkBox& box, const NearDistance& to_wall, double ball,
-                          double margin) {
-  BallPlaces places{Mask(box.voxels()), {}};
-  box.for_each_row([&, far = to_wall.beyond(ball)](int, int, std::size_t first, std::size_t end) {
-    std::uint8_t* out = places.open.data();
+// How far it is to where a ball of this radius (voxels), which fits where it is beyond that from the walls,
+// comes in from the outside. Beyond the box all is outside: there the centre is free at the ball's radius
+// from the tooth, which is `margin` voxels away.
+FromOutside from_outside_for(const WorkBox& box, const NearDistance& to_wall, double ball,
+                             double margin) {
+  const auto nx = static_cast<std::size_t>(box.size.x()),
+             ny = static_cast<std::size_t>(box.size.y());
+  Mask scratch(nx);
+  const MaskParts balls = parts_of(box.size, [&, far = to_wall.beyond(ball)](std::size_t row) {
     const auto fits = far;
-    for (std::size_t v = first; v < end; ++v) out[v] = fits(v);
+    std::uint8_t* out = scratch.data();
+    for (std::size_t i = 0, first = row * nx; i < nx; ++i) out[i] = fits(first + i);
+    return scratch.data();
   });
-  const MaskParts balls = parts_of(box.size, places.open);
-  balls.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
-    if (!balls.at_edge[part])
-      std::fill(places.open.data() + first, places.open.data() + end, std::uint8_t{2});
-  });
-  places.from_outside = {box.size,
-                         NearDistance(box.size, places.open, static_cast<int>(std::ceil(ball)) + 2),
-                         std::max(0.0, ball - margin)};
-  return places;
+  const auto coming_in = [&](int j, int k, std::uint8_t* out) {
+    const std::size_t row = static_cast<std::size_t>(k) * ny + static_cast<std::size_t>(j);
+    std::fill(out, out + nx, std::uint8_t{0});
+    balls.for_each_in_row(row, [&](std::size_t first, std::size_t end, std::size_t part) {
+      if (balls.at_edge[part])
+        std::fill(out + (first - row * nx), out + (end - row * nx), std::uint8_t{1});
+    });
+    return out;
+  };
+  return {box.size, NearDistance(box.size, coming_in, static_cast<int>(std::ceil(ball)) + 2),
+          std::max(0.0, ball - margin)};
 }
 
 // Dark parts that the ball can't reach from outside.
@@ -112,7 +110,7 @@ struct PartWalls {
   std::size_t all = 0, dentin = 0;
 };
 
-std::vector<PartWalls> walls_around(const WorkBox& box, const Field& grey,
+std::vector<PartWalls> walls_around(const WorkBox& box, const TrimmedField& grey,
                                     const GreyClasses& classes, const Walls& walls,
                                     const MaskParts& parts) {
   std::vector<PartWalls> around(parts.count());
@@ -136,21 +134,25 @@ std::vector<PartWalls> walls_around(const WorkBox& box, const Field& grey,
 }
 
 // A part is a cavity if a ball fits or it is closed, it is no speck, and dentin makes up its walls.
-Parts cavities_among(const WorkBox& box, const Field& grey, const GreyClasses& classes,
-                     const Walls& walls, const BallPlaces& places, double ball, double blur) {
-  Mask candidate(box.voxels());
-  box.for_each_row([&](int j, int k, std::size_t first, std::size_t end) {
-    std::uint8_t* out = candidate.data();
-    places.from_outside.farther(ball + 0.5, j, k, first, out + first);
-    const std::uint8_t* place = walls.place.data();
-    for (std::size_t v = first; v < end; ++v) out[v] &= place[v] != 1;
-  });
+Parts cavities_among(const WorkBox& box, const TrimmedField& grey, const GreyClasses& classes,
+                     const Walls& walls, const NearDistance& to_wall,
+                     const FromOutside& from_outside, double ball, double blur) {
   Parts found;
-  found.parts = parts_of(box.size, candidate);
+  Mask candidate(static_cast<std::size_t>(box.size.x()));  // of a row
+  found.parts = parts_of(box.size, [&](std::size_t row) {
+    const int j = static_cast<int>(row) % box.size.y(), k = static_cast<int>(row) / box.size.y();
+    const std::size_t first = box.offset(0, j, k);
+    std::uint8_t* out = candidate.data();
+    from_outside.farther(ball + 0.5, j, k, first, out);
+    const std::uint8_t* place = walls.place.data() + first;
+    for (std::size_t i = 0, n = candidate.size(); i < n; ++i) out[i] &= place[i] != 1;
+    return candidate.data();
+  });
   found.keep.assign(found.parts.count(), 0);
+  const auto ball_fits = to_wall.beyond(ball);
   found.parts.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
     for (std::size_t v = first; v < end && !found.keep[part]; ++v)
-      found.keep[part] = places.open[v] || walls.closed(v);
+      found.keep[part] = ball_fits(v) || walls.closed(v);
   });
   const std::vector<PartWalls> around = walls_around(box, grey, classes, walls, found.parts);
   for (std::size_t part = 0; part < found.parts.count(); ++part) {
@@ -163,7 +165,7 @@ Parts cavities_among(const WorkBox& box, const Field& grey, const GreyClasses& c
 }
 
 // The median grey where the walls' blur doesn't reach, if there is such a place.
-double typical_grey(const Field& grey, const Parts& found, const NearDistance& to_wall,
+double typical_grey(const TrimmedField& grey, const Parts& found, const NearDistance& to_wall,
                     double blur) {
   Field core;
   for (double deep = 3 * blur; core.size() < 30 && deep > 0.1; deep *= 0.7) {
@@ -177,13 +179,13 @@ double typical_grey(const Field& grey, const Parts& found, const NearDistance& t
   return core[core.size() / 2];
 }
 
-// The cavity's mask, at its half-way border, which may lie beyond the parts (bright pulp) or within
+// The cavity's voxels, up to its half-way border, which may lie beyond the parts (bright pulp) or within
 // (dark pulp). False if nothing is left.
-bool fill_mask(const WorkBox& box, const Field& grey, const Parts& found, const Walls& walls,
-               const FromOutside& from_outside, double blur, Cavity& cavity) {
+bool fill_cavity(const WorkBox& box, const TrimmedField& grey, const Parts& found, double wall_grey,
+                 const FromOutside& from_outside, double blur, Cavity& cavity) {
   Mask kept(box.voxels());
   found.for_each_kept([&](std::size_t v) { kept[v] = 1; });
-  const NearDistance to_kept = cavity.border > walls.grey
+  const NearDistance to_kept = cavity.border > wall_grey
                                    ? NearDistance(box.size, kept, static_cast<int>(std::ceil(blur)))
                                    : NearDistance();
   box.for_each_row(
@@ -199,27 +201,26 @@ bool fill_mask(const WorkBox& box, const Field& grey, const Parts& found, const 
         for (std::size_t v = first; v < end; ++v)
           in[v] = in[v] && farther[v - first] && grey[v] < border;
       });
-  cavity.mask = std::move(kept);
-  const MaskParts pieces = parts_of(box.size, cavity.mask);
+  const MaskParts pieces = parts_of(box.size, kept);
   bool any = false;
   pieces.for_each([&](std::size_t first, std::size_t end, std::size_t part) {
     const bool stays = static_cast<double>(pieces.voxels[part]) >= smallest_cavity(blur);
-    if (!stays) std::fill(cavity.mask.data() + first, cavity.mask.data() + end, std::uint8_t{0});
+    if (!stays) std::fill(kept.data() + first, kept.data() + end, std::uint8_t{0});
     any = any || stays;
   });
   cavity.from_outside =
-      BandField(chunks_where(box.voxels(), [&](std::size_t v) { return cavity.mask[v] != 0; }));
+      BandField(chunks_where(box.voxels(), [&](std::size_t v) { return kept[v] != 0; }));
   for_each_of(box, cavity.from_outside, [&](int i, int j, int k, std::size_t v) {
-    if (cavity.mask[v]) cavity.from_outside[v] = from_outside.at(Index3(i, j, k), v);
+    if (kept[v]) cavity.from_outside[v] = from_outside.at(Index3(i, j, k), v);
   });
   return any;
 }
 
 }  // namespace
 
-Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& classes, double blur,
-                   double margin) {
-  const Walls walls = walls_of(box, grey, classes);
+Cavity find_cavity(const WorkBox& box, const TrimmedField& grey, const GreyClasses& classes,
+                   double blur, double margin) {
+  Walls walls = walls_of(box, grey, classes);
   Cavity cavity;
   Parts found;
   NearDistance to_wall;
@@ -232,9 +233,8 @@ Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& cla
     to_wall = {};  // before there is another one
     to_wall = NearDistance(box.size, walls.place,
                            static_cast<int>(std::ceil(std::max(cavity.ball, 3 * blur))) + 1);
-    BallPlaces places = places_of_ball(box, to_wall, cavity.ball, margin);
-    found = cavities_among(box, grey, classes, walls, places, cavity.ball, blur);
-    from_outside = std::move(places.from_outside);
+    from_outside = from_outside_for(box, to_wall, cavity.ball, margin);
+    found = cavities_among(box, grey, classes, walls, to_wall, from_outside, cavity.ball, blur);
     if (static_cast<double>(found.kept_voxels) > kPulpShare * static_cast<double>(walls.voxels))
       break;
   }
@@ -242,7 +242,8 @@ Cavity find_cavity(const WorkBox& box, const Field& grey, const GreyClasses& cla
   cavity.grey = typical_grey(grey, found, to_wall, blur);
   cavity.border = 0.5 * (cavity.grey + classes.dentin);
   to_wall = NearDistance();
-  return fill_mask(box, grey, found, walls, from_outside, blur, cavity) ? cavity : Cavity{};
+  Mask().swap(walls.place);
+  return fill_cavity(box, grey, found, walls.grey, from_outside, blur, cavity) ? cavity : Cavity{};
 }
 
 }  // namespace toothprep

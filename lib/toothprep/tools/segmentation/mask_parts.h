@@ -35,10 +35,13 @@ struct MaskParts {
   // work(first, end, part) for every run, in order; first and end are places in the array.
   template <class Work>
   void for_each(const Work& work) const {
-    std::size_t r = 0;
-    for (std::size_t j = 0; j < row_end.size(); ++j)
-      for (; r < row_end[j]; ++r)
-        work(j * row + runs[r].first, j * row + runs[r].end, std::size_t{runs[r].part});
+    for (std::size_t j = 0; j < row_end.size(); ++j) for_each_in_row(j, work);
+  }
+  // Of the j-th row alone.
+  template <class Work>
+  void for_each_in_row(std::size_t j, const Work& work) const {
+    for (std::size_t r = j == 0 ? 0 : row_end[j - 1]; r < row_end[j]; ++r)
+      work(j * row + runs[r].first, j * row + runs[r].end, std::size_t{runs[r].part});
   }
 };
 

@@ -77,8 +77,9 @@ bool metal_around(const SurfaceProfiles& profiles,
 }  // namespace
 
 MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& scan,
-                                const Field& grey, const Mask& domain, const GreyClasses& classes,
-                                std::optional<double> clip, double sigma, double blur) {
+                                const TrimmedField& grey, const Mask& domain,
+                                const GreyClasses& classes, std::optional<double> clip,
+                                double sigma, double blur) {
   MetalSurface result;
   if (!classes.threshold_metal) return result;
   const std::size_t n = box.voxels();

@@ -32,7 +32,8 @@ struct MetalSurface {
 // `clip`: the highest grey of the scan, if many voxels have it. Metal is sought where `domain` is set.
 // `sigma`: voxels.
 MetalSurface find_metal_surface(const WorkBox& box, const ImageVolume<float>& scan,
-                                const Field& grey, const Mask& domain, const GreyClasses& classes,
-                                std::optional<double> clip, double sigma, double blur);
+                                const TrimmedField& grey, const Mask& domain,
+                                const GreyClasses& classes, std::optional<double> clip,
+                                double sigma, double blur);
 
 }  // namespace toothprep

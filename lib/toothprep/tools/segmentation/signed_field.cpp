@@ -10,7 +10,6 @@ namespace toothprep {
 
 namespace {
 
-constexpr int kPlanesOfPart = 16;  // so that a chunk never lies in two parts
 constexpr std::uint32_t kNegative = 0, kPositive = 1, kStored = 2;
 
 using Bytes = std::int8_t __attribute__((vector_size(16)));  // of a chunk
@@ -20,68 +19,70 @@ Bytes load(const std::uint8_t* labels) {
   return bytes;
 }
 
-}  // namespace
-
-// The planes first .. first + kPlanesOfPart - 1: which chunks are stored, and their values.
-void SignedField::add_planes(const Index3& size, const std::vector<std::uint8_t>& labels,
-                             std::uint8_t inside, const ValueAt& value, int first,
-                             std::vector<float>& stored) {
-  const auto row = static_cast<std::size_t>(size.x()),
-             plane = row * static_cast<std::size_t>(size.y());
-  const std::array<std::size_t, 3> strides = {1, row, plane};
-  const std::size_t end =
-      static_cast<std::size_t>(std::min(size.z(), first + kPlanesOfPart)) * plane;
-  for (std::size_t v = static_cast<std::size_t>(first) * plane; v < end; v += kChunk) {
-    const std::size_t count = std::min(kChunk, end - v);
-    const std::uint8_t* here = labels.data() + v;
-    // Where a neighbour has the other sign. One across the end of a row counts as well: a value too
-    // many at most.
-    std::array<std::uint8_t, kChunk> changes{};
-    const auto compare = [&](const std::uint8_t* there, std::size_t from, std::size_t to) {
-      for (std::size_t n = from; n < to; ++n)
-        changes[n] |= (here[n] == inside) != (there[n - from] == inside);
-    };
-    if (v >= plane && v + kChunk + plane <= labels.size() && count == kChunk) {
-      const Bytes of = Bytes{} + static_cast<std::int8_t>(inside), own = load(here) == of;
-      Bytes differ{};
-      for (const std::size_t stride : strides)
-        differ |= (own ^ (load(here - stride) == of)) | (own ^ (load(here + stride) == of));
-      std::memcpy(changes.data(), &differ, kChunk);
-    } else {
-      for (const std::size_t stride : strides) {
-        const std::size_t from = v >= stride ? 0 : std::min(count, stride - v),
-                          after = labels.size() - std::min(labels.size(), v + stride);
-        if (from < count) compare(labels.data() + (v + from - stride), from, count);
-        if (after > 0) compare(labels.data() + (v + stride), 0, std::min(count, after));
-      }
-    }
-    std::uint32_t& place = chunk_[v / kChunk];
-    place = *here == inside ? kPositive : kNegative;
-    if (changes == std::array<std::uint8_t, kChunk>{}) continue;
-    place = kStored;
-    for (std::size_t n = 0; n < kChunk; ++n)
-      stored.push_back(changes[n] ? value(v + n) : n < count && here[n] == inside ? 0.5f : -0.5f);
+// Where a voxel of the chunk from v on has a neighbour with the other sign. One across the end of a row
+// counts as well: a value too many at most.
+template <std::size_t kChunk>
+std::array<std::uint8_t, kChunk> changes_at(std::size_t v, std::size_t count,
+                                            const std::array<std::size_t, 3>& strides,
+                                            const std::vector<std::uint8_t>& labels,
+                                            std::uint8_t inside) {
+  const std::uint8_t* here = labels.data() + v;
+  std::array<std::uint8_t, kChunk> changes{};
+  if (v >= strides[2] && v + kChunk + strides[2] <= labels.size()) {
+    const Bytes of = Bytes{} + static_cast<std::int8_t>(inside), own = load(here) == of;
+    Bytes differ{};
+    for (const std::size_t stride : strides)
+      differ |= (own ^ (load(here - stride) == of)) | (own ^ (load(here + stride) == of));
+    std::memcpy(changes.data(), &differ, kChunk);
+    return changes;
   }
+  const auto compare = [&](const std::uint8_t* there, std::size_t from, std::size_t to) {
+    for (std::size_t n = from; n < to; ++n)
+      changes[n] |= (here[n] == inside) != (there[n - from] == inside);
+  };
+  for (const std::size_t stride : strides) {
+    const std::size_t from = v >= stride ? 0 : std::min(count, stride - v),
+                      after = labels.size() - std::min(labels.size(), v + stride);
+    if (from < count) compare(labels.data() + (v + from - stride), from, count);
+    if (after > 0) compare(labels.data() + (v + stride), 0, std::min(count, after));
+  }
+  return changes;
 }
+
+}  // namespace
 
 SignedField::SignedField(const Index3& size, const std::vector<std::uint8_t>& labels,
                          std::uint8_t inside, const ValueAt& value) {
+  const auto row = static_cast<std::size_t>(size.x());
+  const std::array<std::size_t, 3> strides = {1, row, row * static_cast<std::size_t>(size.y())};
   chunk_.resize((labels.size() + kChunk - 1) / kChunk);
-  std::vector<std::vector<float>> stored(
-      static_cast<std::size_t>((size.z() + kPlanesOfPart - 1) / kPlanesOfPart));
-  tbb::parallel_for(std::size_t{0}, stored.size(), [&](std::size_t part) {
-    add_planes(size, labels, inside, value, static_cast<int>(part) * kPlanesOfPart, stored[part]);
-  });
-  std::uint32_t count = kStored;
+  // work(place, first voxel, how many, where signs change) for each chunk.
+  const auto for_each_chunk = [&](const auto& wanted, const auto& work) {
+    tbb::parallel_for(std::size_t{0}, chunk_.size(), [&](std::size_t c) {
+      if (!wanted(chunk_[c])) return;
+      const std::size_t v = c * kChunk, count = std::min(kChunk, labels.size() - v);
+      work(chunk_[c], v, count, changes_at<kChunk>(v, count, strides, labels, inside));
+    });
+  };
+  for_each_chunk([](std::uint32_t) { return true; },
+                 [&](std::uint32_t& place, std::size_t v, std::size_t, const auto& changes) {
+                   place = changes != std::array<std::uint8_t, kChunk>{} ? kStored
+                           : labels[v] == inside                         ? kPositive
+                                                                         : kNegative;
+                 });
+  std::uint32_t end = kStored;
   for (std::uint32_t& c : chunk_)
-    if (c == kStored) c = count++;
-  values_.reserve(count * kChunk);
-  values_.resize(kChunk, -0.5f);
-  values_.resize(2 * kChunk, 0.5f);
-  for (std::vector<float>& part : stored) {
-    values_.insert(values_.end(), part.begin(), part.end());
-    std::vector<float>().swap(part);
-  }
+    if (c == kStored) c = end++;
+  values_.resize(end * kChunk);
+  std::fill_n(values_.begin(), kChunk, -0.5f);
+  std::fill_n(values_.begin() + kChunk, kChunk, 0.5f);
+  for_each_chunk(
+      [](std::uint32_t place) { return place >= kStored; },
+      [&](std::uint32_t place, std::size_t v, std::size_t count, const auto& changes) {
+        float* to = values_.data() + std::size_t{place} * kChunk;
+        for (std::size_t n = 0; n < kChunk; ++n)
+          to[n] = changes[n] ? value(v + n) : n < count && labels[v + n] == inside ? 0.5f : -0.5f;
+      });
 }
 
 SignedField::SignedField(const Index3& size, const std::vector<float>& values) {

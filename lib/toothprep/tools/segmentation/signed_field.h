@@ -40,9 +40,6 @@ class SignedField {
 
  private:
   static constexpr std::size_t kChunk = 16;
-  void add_planes(const Index3& size, const std::vector<std::uint8_t>& labels, std::uint8_t inside,
-                  const ValueAt& value, int first, std::vector<float>& stored);
-
   std::vector<std::uint32_t> chunk_;  // place of the chunk's values; 0 and 1 are -0.5 and 0.5
   std::vector<float> values_;
 };

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <deque>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "toothprep/tools/segmentation/wide_vectors.h"
@@ -96,7 +97,7 @@ class Cubic {
 };
 
 // Where the grey first exceeds `border` on the way inwards, from the voxel's centre.
-std::optional<double> crossing(const WorkBox& box, const Field& grey, const Vec3& at,
+std::optional<double> crossing(const WorkBox& box, const TrimmedField& grey, const Vec3& at,
                                const Vec3& inwards, double border, double reach) {
   constexpr double kStep = 0.5;
   double last = trilinear(box.size, grey, at - reach * inwards);
@@ -109,40 +110,56 @@ std::optional<double> crossing(const WorkBox& box, const Field& grey, const Vec3
   return {};
 }
 
-void find_places(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
+void find_places(const WorkBox& box, const TrimmedField& grey, const SurfaceDepth& depth,
                  const BandField& level, double border, double blur, SurfaceProfiles& profiles) {
   struct Place {
     Index3 voxel;
     Vec3 inwards;
     double zero;
   };
-  const auto ny = static_cast<std::size_t>(box.size.y());
-  std::vector<std::vector<Place>> planes(static_cast<std::size_t>(box.size.z()));
-  profiles.size = box.size;
-  profiles.row_end.assign(planes.size() * ny, 0);
-  tbb::parallel_for(0, box.size.z(), [&](int k) {
-    std::vector<Place>& plane = planes[static_cast<std::size_t>(k)];
-    for (int j = 0; j < box.size.y(); ++j) {
-      const std::size_t row = box.offset(0, j, k);
-      level.for_each(row, row + static_cast<std::size_t>(box.size.x()), [&](std::size_t v) {
-        if (!(depth[v] >= 0 && depth[v] < 1)) return;
-        const Index3 index(static_cast<int>(v - row), j, k);
-        const Vec3 inwards = inwards_at(box, level, index);
-        if (inwards.isZero()) return;
-        const auto zero = crossing(box, grey, index.cast<double>(), inwards, border, 1 + blur);
-        if (zero) plane.push_back({index, inwards, *zero});
-      });
-      profiles.row_end[static_cast<std::size_t>(k) * ny + static_cast<std::size_t>(j)] =
-          static_cast<std::uint32_t>(plane.size());
-    }
+  const auto ny = static_cast<std::size_t>(box.size.y()),
+             nz = static_cast<std::size_t>(box.size.z());
+  const auto on_surface = [&](std::size_t v) { return depth[v] >= 0 && depth[v] < 1; };
+  std::vector<std::size_t> most(nz);  // of each plane's places
+  tbb::parallel_for(std::size_t{0}, nz, [&](std::size_t k) {
+    level.for_each(box.offset(0, 0, static_cast<int>(k)), box.offset(0, 0, static_cast<int>(k) + 1),
+                   [&](std::size_t v) { most[k] += on_surface(v); });
   });
-  for (std::size_t k = 0; k < planes.size(); ++k) {
-    for (std::size_t j = 0; j < ny; ++j)
-      profiles.row_end[k * ny + j] += static_cast<std::uint32_t>(profiles.count());
-    for (const Place& place : planes[k]) {
-      profiles.voxel.push_back(place.voxel);
-      profiles.inwards.push_back(place.inwards);
-      profiles.zero.push_back(place.zero);
+  const std::size_t count = std::accumulate(most.begin(), most.end(), std::size_t{0});
+  profiles.voxel.reserve(count);
+  profiles.inwards.reserve(count);
+  profiles.zero.reserve(count);
+  profiles.size = box.size;
+  profiles.row_end.assign(nz * ny, 0);
+  // Some planes at a time, so that no place is long there twice.
+  constexpr std::size_t kAtOnce = 16;
+  std::array<std::vector<Place>, kAtOnce> planes;
+  for (std::size_t first = 0; first < nz; first += kAtOnce) {
+    const std::size_t end = std::min(nz, first + kAtOnce);
+    tbb::parallel_for(first, end, [&](std::size_t k) {
+      std::vector<Place>& plane = planes[k - first];
+      plane.clear();
+      for (std::size_t j = 0; j < ny; ++j) {
+        const std::size_t row = (k * ny + j) * static_cast<std::size_t>(box.size.x());
+        level.for_each(row, row + static_cast<std::size_t>(box.size.x()), [&](std::size_t v) {
+          if (!on_surface(v)) return;
+          const Index3 index(static_cast<int>(v - row), static_cast<int>(j), static_cast<int>(k));
+          const Vec3 inwards = inwards_at(box, level, index);
+          if (inwards.isZero()) return;
+          const auto zero = crossing(box, grey, index.cast<double>(), inwards, border, 1 + blur);
+          if (zero) plane.push_back({index, inwards, *zero});
+        });
+        profiles.row_end[k * ny + j] = static_cast<std::uint32_t>(plane.size());
+      }
+    });
+    for (std::size_t k = first; k < end; ++k) {
+      for (std::size_t j = 0; j < ny; ++j)
+        profiles.row_end[k * ny + j] += static_cast<std::uint32_t>(profiles.count());
+      for (const Place& place : planes[k - first]) {
+        profiles.voxel.push_back(place.voxel);
+        profiles.inwards.push_back(place.inwards);
+        profiles.zero.push_back(place.zero);
+      }
     }
   }
 }
@@ -360,7 +377,7 @@ std::optional<double> SurfaceProfiles::first_above(std::size_t p, double border)
 }
 
 SurfaceProfiles surface_profiles(const WorkBox& box, const ImageVolume<float>& scan,
-                                 const Field& grey, const SurfaceDepth& depth,
+                                 const TrimmedField& grey, const SurfaceDepth& depth,
                                  const BandField& level, double border, double blur) {
   SurfaceProfiles profiles;
   profiles.step = 0.25 * blur;

@@ -69,7 +69,7 @@ struct SurfaceProfiles {
 // voxels greys are cubic (R. Keys, Cubic convolution interpolation, 1981): linear ones would cut the
 // peak of a layer as thin as a voxel by a share that depends on where the voxels' centres lie.
 SurfaceProfiles surface_profiles(const WorkBox& box, const ImageVolume<float>& scan,
-                                 const Field& grey, const SurfaceDepth& depth,
+                                 const TrimmedField& grey, const SurfaceDepth& depth,
                                  const BandField& level, double border, double blur);
 
 // Standard deviation of the scan's blur across the surface (a Gaussian, as all that widens an edge

@@ -16,7 +16,7 @@ constexpr double kOfThin = 0.33;
 constexpr double kLargest = 2;  // likewise
 
 // Grey values per voxel, by central differences; a sum over both sides of a face.
-double slope_at(const WorkBox& box, const Field& grey, const Index3& at) {
+double slope_at(const WorkBox& box, const TrimmedField& grey, const Index3& at) {
   Vec3 gradient;
   for (int a = 0; a < 3; ++a) {
     Index3 p = at, q = at;
@@ -29,8 +29,8 @@ double slope_at(const WorkBox& box, const Field& grey, const Index3& at) {
 }
 
 // How much the greys of a tissue vary beyond the noise, where the grey is level: a standard deviation.
-double variation(const WorkBox& box, const Field& grey, const ToothFields& fields, Tissue tissue,
-                 double noise, double level) {
+double variation(const WorkBox& box, const TrimmedField& grey, const ToothFields& fields,
+                 Tissue tissue, double noise, double level) {
   std::vector<float> greys;
   constexpr int kEvery = 3;  // voxels
   for (int k = 1; k + 1 < box.size.z(); k += kEvery)
@@ -120,7 +120,7 @@ void add_figures(SurfaceUncertainty& result) {
 
 }  // namespace
 
-SurfaceUncertainty surface_uncertainty(const WorkBox& box, const Field& grey, double noise,
+SurfaceUncertainty surface_uncertainty(const WorkBox& box, const TrimmedField& grey, double noise,
                                        const ToothFields& fields, const GreyClasses& classes,
                                        const ThinEnamel& thin, double blur) {
   const double level = 0.1 * (classes.enamel - classes.dentin) / blur;

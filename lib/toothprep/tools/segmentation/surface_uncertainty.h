@@ -25,7 +25,7 @@ namespace toothprep {
 
 // `grey`: what was thresholded, with noise of that standard deviation. Lengths in voxels of the box;
 // `blur` as elsewhere here.
-SurfaceUncertainty surface_uncertainty(const WorkBox& box, const Field& grey, double noise,
+SurfaceUncertainty surface_uncertainty(const WorkBox& box, const TrimmedField& grey, double noise,
                                        const ToothFields& fields, const GreyClasses& classes,
                                        const ThinEnamel& thin, double blur);
 

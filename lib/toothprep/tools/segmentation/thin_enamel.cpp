@@ -199,11 +199,11 @@ class NearThinEnamel {
 
 }  // namespace
 
-ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
-                            const SurfaceDepth& depth, const BandField& level,
-                            const GreyClasses& classes, double sigma, double noise, double blur,
-                            double outside) {
+ThinEnamel find_thin_enamel(const WorkBox& box, SurfaceProfiles profiles, const SurfaceDepth& depth,
+                            const BandField& level, const GreyClasses& classes, double sigma,
+                            double noise, double blur, double outside) {
   std::vector<Place> places = judge_places(profiles, classes, sigma, noise, blur);
+  std::vector<float>().swap(profiles.grey);
   keep_beside_enamel(profiles, places);
   ThinEnamel result;
   bool any = false;

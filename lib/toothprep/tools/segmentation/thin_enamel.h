@@ -39,9 +39,8 @@ struct ThinEnamel {
 
 // `noise`: standard deviation of the scan's greys. `sigma`: voxels.
 // Voxels are named from `outside` voxels outside the surface.
-ThinEnamel find_thin_enamel(const WorkBox& box, const SurfaceProfiles& profiles,
-                            const SurfaceDepth& depth, const BandField& level,
-                            const GreyClasses& classes, double sigma, double noise, double blur,
-                            double outside);
+ThinEnamel find_thin_enamel(const WorkBox& box, SurfaceProfiles profiles, const SurfaceDepth& depth,
+                            const BandField& level, const GreyClasses& classes, double sigma,
+                            double noise, double blur, double outside);
 
 }  // namespace toothprep

@@ -1,3 +1,4 @@
+#include <malloc.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -143,19 +144,18 @@ double smoothing_for(double noise, const GreyClasses& classes, double blur) {
 // stay.
 // in_domain(first, end, out) writes ones where islands are sought.
 template <class InDomain>
-void clean_islands(const WorkBox& box, const InDomain& in_domain, const Mask& cavity,
+void clean_islands(const WorkBox& box, const InDomain& in_domain, const Cavity& cavity,
                    Mask& enamel) {
   Mask part(static_cast<std::size_t>(box.size.x()));  // of a row
   for (const bool of_enamel : {true, false}) {
     const MaskParts pieces = parts_of(box.size, [&](std::size_t row) {
       const std::size_t first = row * part.size();
-      const std::uint8_t *of = enamel.data() + first,
-                         *pulp = cavity.empty() ? nullptr : cavity.data() + first;
+      const std::uint8_t* of = enamel.data() + first;
       const std::uint8_t other = of_enamel ? 0 : 1;
       std::uint8_t* out = part.data();
       in_domain(first, first + part.size(), out);
       for (std::size_t i = 0, n = part.size(); i < n; ++i) out[i] &= of[i] ^ other;
-      for (std::size_t i = 0, n = part.size(); pulp && i < n; ++i) out[i] &= 1 ^ pulp[i];
+      cavity.for_each(first, first + part.size(), [&](std::size_t v) { out[v - first] = 0; });
       return part.data();
     });
     pieces.for_each([&](std::size_t first, std::size_t end, std::size_t piece) {
@@ -240,8 +240,9 @@ void smooth_cover(const WorkBox& box, const SurfaceDepth& depth, const Mask& chu
 // the brightest grey on its way inwards: that of the tissue underneath, since enamel is brighter
 // and never under dentin. `depth` is the depth below the surface at voxel accuracy, `level` a field
 // whose gradient points inwards.
-UnderSurface look_under_surface(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
-                                BandField level, const GreyClasses& classes, double blur,
+UnderSurface look_under_surface(const WorkBox& box, const TrimmedField& grey,
+                                const SurfaceDepth& depth, BandField level,
+                                const GreyClasses& classes, double blur,
                                 const AlongNormals& along) {
   constexpr double kRounding = 1e-4;
   const double skin = skin_depth(blur);
@@ -307,15 +308,15 @@ void look_beyond_metal(const MetalSurface& metal, const SurfaceDepth& depth,
 }
 
 // Zero where the grey is half-way between the surroundings and the tissue underneath. Where air is
-// beyond metal, the solid ends where the metal does. Also its mask.
-SignedField solid_field(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
+// beyond metal, the solid ends where the metal does.
+SignedField solid_field(const WorkBox& box, const TrimmedField& grey, const SurfaceDepth& depth,
                         const Cavity& cavity, const UnderSurface& under, const AlongNormals& along,
-                        const GreyClasses& classes, double blur, Mask& solid) {
+                        const GreyClasses& classes, double blur) {
   const double over_dentin = classes.threshold_dentin;
   const double over_enamel = std::max(over_dentin, 0.5 * (classes.surroundings + classes.enamel));
   const double contrast = classes.dentin - classes.surroundings;
   const auto value_at = [&](std::size_t v) {
-    const bool in_cavity = !cavity.mask.empty() && cavity.mask[v];
+    const bool in_cavity = cavity.holds(v);
     const bool rough = depth[v] > 0;
     float value = rough ? 0.5f : -0.5f;
     if (near_surface(depth[v], blur)) {
@@ -327,7 +328,7 @@ SignedField solid_field(const WorkBox& box, const Field& grey, const SurfaceDept
       value = static_cast<float>(std::min(0.5, 0.5 * (cavity.from_outside[v] - cavity.ball)));
     return signed_as(rough && (value > 0 || in_cavity), value);
   };
-  solid.resize(box.voxels());
+  Mask solid(box.voxels());
   // Where all is deep inside or far outside, one voxel says it for all: a cavity is inside, too.
   depth.for_each_chunk([&](std::size_t first, std::size_t end, bool far) {
     if (far)
@@ -352,27 +353,25 @@ SignedField solid_field(const WorkBox& box, const Field& grey, const SurfaceDept
 
 // The tissues against each other, by their greys without the surroundings' share; beside metal they
 // end at its surface, between voxels.
-void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth& depth,
-                       const Mask& solid, const Cavity& cavity, const BandField& plateau,
-                       const AlongNormals& along, const GreyClasses& classes, double blur,
-                       ToothFields& fields) {
+void add_tissue_fields(const WorkBox& box, const TrimmedField& grey, const SurfaceDepth& depth,
+                       const Cavity& cavity, const BandField& plateau, const AlongNormals& along,
+                       const GreyClasses& classes, double blur, ToothFields& fields) {
   const auto above_border = [&](std::size_t v) {
     return (plateau.has(v) ? plateau[v] : grey[v]) - enamel_border(classes, depth[v], blur);
   };
   const auto in_domain = depth.above(-kReach);
   Mask metal = along.metal.metal;
   for (const MetalSurface::Voxel& v : along.metal.voxels) metal[v.at] = v.inside > 0;
-  const bool has_pulp = !cavity.mask.empty(), has_metal = !metal.empty();
-  const auto in_pulp = [&](std::size_t v) { return has_pulp && cavity.mask[v]; };
+  const bool has_pulp = !cavity.empty(), has_metal = !metal.empty();
+  const auto in_pulp = [&](std::size_t v) { return cavity.holds(v); };
   const auto in_metal = [&](std::size_t v) { return has_metal && metal[v]; };
   Mask enamel(box.voxels());
   depth.for_each_chunk([&](std::size_t first, std::size_t end, bool far) {
     if (far && !in_domain(first)) return;
     if (far && !has_metal && !plateau.has(first)) {
       const float border = enamel_border(classes, depth[first], blur);
-      const float* in = grey.data();
-      std::uint8_t* out = enamel.data();
-      for (std::size_t v = first; v < end; ++v) out[v] = in[v] > border;
+      const float* in = grey.at(first);
+      for (std::size_t v = first; v < end; ++v) enamel[v] = in[v - first] > border;
     } else {
       for (std::size_t v = first; v < end; ++v)
         enamel[v] = in_domain(v) && !in_metal(v) && above_border(v) > 0;
@@ -382,15 +381,15 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
   clean_islands(
       box,
       [&](std::size_t first, std::size_t end, std::uint8_t* out) {
-        std::copy(solid.data() + first, solid.data() + end, out);
+        fields.solid.signs(first, static_cast<int>(end - first), out);
       },
-      cavity.mask, enamel);
+      cavity, enamel);
   clean_islands(
       box,
       [&](std::size_t first, std::size_t end, std::uint8_t* out) {
         depth.above(-kReach, first, end, out);
       },
-      cavity.mask, enamel);
+      cavity, enamel);
 
   // Potentials against dentin, whose own is zero.
   const auto scaled = [](double difference, double contrast) {
@@ -403,12 +402,9 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
     std::uint8_t* of = label.data();
     const std::uint8_t of_enamel = code(Tissue::kEnamel), of_dentin = code(Tissue::kDentin);
     for (std::size_t v = first; v < end; ++v) of[v] = of[v] ? of_enamel : of_dentin;
-    const auto set_where = [&](const Mask& mask, Tissue tissue) {
-      const std::uint8_t *in = mask.data(), of_tissue = code(tissue);
-      for (std::size_t v = first; v < end; ++v) of[v] = in[v] ? of_tissue : of[v];
-    };
-    if (has_pulp) set_where(cavity.mask, Tissue::kPulp);
-    if (has_metal) set_where(metal, Tissue::kOther);
+    cavity.for_each(first, end, [&](std::size_t v) { of[v] = code(Tissue::kPulp); });
+    const std::uint8_t *in = metal.data(), of_metal = code(Tissue::kOther);
+    for (std::size_t v = first; has_metal && v < end; ++v) of[v] = in[v] ? of_metal : of[v];
   });
   const auto of_enamel = [&](std::size_t v) {
     return signed_as(label[v] == code(Tissue::kEnamel),
@@ -433,9 +429,11 @@ void add_tissue_fields(const WorkBox& box, const Field& grey, const SurfaceDepth
   });
   if (has_pulp) fields.tissue[2] = field_of(Tissue::kPulp, of_pulp);
   box.for_each_row([&](int, int, std::size_t first, std::size_t end) {
+    Mask solid(end - first);
+    fields.solid.signs(first, box.size.x(), solid.data());
     const std::uint8_t *in = solid.data(), air = code(Tissue::kAir);
-    std::uint8_t* of = label.data();
-    for (std::size_t v = first; v < end; ++v) of[v] = in[v] ? of[v] : air;
+    std::uint8_t* of = label.data() + first;
+    for (std::size_t i = 0, n = end - first; i < n; ++i) of[i] = in[i] ? of[i] : air;
   });
   fields.label = std::move(label);
 }
@@ -449,7 +447,7 @@ std::optional<double> clip_of(const ScanSurvey& seen, std::size_t scan_voxels) {
 }
 
 AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std::size_t scan_voxels,
-                                const Field& grey, const SurfaceDepth& depth,
+                                const TrimmedField& grey, const SurfaceDepth& depth,
                                 const BandField& level, const GreyClasses& classes, double blur,
                                 bool thin_enamel) {
   AlongNormals result;
@@ -457,7 +455,7 @@ AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std:
   if (!thin_enamel && !classes.threshold_metal) return result;
   const ImageVolume<float>& scan = *seen.greys;
   {
-    const SurfaceProfiles profiles =
+    SurfaceProfiles profiles =
         surface_profiles(box, scan, grey, depth, level, classes.threshold_dentin, blur);
     const std::optional<double> sigma = edge_sigma(profiles, classes, blur);
     constexpr double kUsual = 0.6;  // of the scan's voxel
@@ -465,8 +463,8 @@ AlongNormals look_along_normals(const WorkBox& box, const ScanSurvey& seen, std:
     result.sigma = sigma.value_or(kUsual * blur);
     if (sigma && thin_enamel) {
       const double noise = noise_of(scan.data, classes);
-      result.thin =
-          find_thin_enamel(box, profiles, depth, level, classes, *sigma, noise, blur, kReach);
+      result.thin = find_thin_enamel(box, std::move(profiles), depth, level, classes, *sigma, noise,
+                                     blur, kReach);
     }
   }
   if (!classes.threshold_metal) return result;
@@ -533,6 +531,64 @@ void remove_others(const WorkBox& box, const GreyClasses& classes, double blur, 
       grey[v] = static_cast<float>(classes.surroundings);
 }
 
+// A one for each chunk that holds a voxel not farther along any axis than `reach` voxels from one at least as
+// bright as `least`, or that lies between two such voxels along x.
+Mask chunks_near_bright(const WorkBox& box, const Field& grey, float least, int reach) {
+  std::vector<RowPart> rows(static_cast<std::size_t>(box.size.y()) *
+                            static_cast<std::size_t>(box.size.z()));
+  const auto row_of = [&](int j, int k) {
+    return static_cast<std::size_t>(k) * static_cast<std::size_t>(box.size.y()) +
+           static_cast<std::size_t>(j);
+  };
+  box.for_each_row([&](int j, int k, std::size_t first, std::size_t) {
+    const float* values = grey.data() + first;
+    RowPart part{0, box.size.x()};
+    while (part.first < part.end && values[part.first] < least) ++part.first;
+    while (part.first < part.end && values[part.end - 1] < least) --part.end;
+    rows[row_of(j, k)] = part.first < part.end ? part : RowPart{box.size.x() + reach, -reach};
+  });
+  for (const int axis : {1, 2}) {
+    const std::vector<RowPart> own = rows;
+    for (int k = 0; k < box.size.z(); ++k)
+      for (int j = 0; j < box.size.y(); ++j) {
+        const int at = axis == 1 ? j : k;
+        RowPart& part = rows[row_of(j, k)];
+        for (int n = std::max(0, at - reach); n <= std::min(box.size[axis] - 1, at + reach); ++n) {
+          const RowPart& other = own[axis == 1 ? row_of(n, k) : row_of(j, n)];
+          part = {std::min(part.first, other.first), std::max(part.end, other.end)};
+        }
+      }
+  }
+  Mask chunks((grey.size() + BandField::kChunk - 1) / BandField::kChunk);
+  for (int k = 0; k < box.size.z(); ++k)
+    for (int j = 0; j < box.size.y(); ++j) {
+      const RowPart& part = rows[row_of(j, k)];
+      const int first = std::max(0, part.first - reach),
+                end = std::min(box.size.x(), part.end + reach);
+      if (first >= end) continue;
+      const auto from = static_cast<std::ptrdiff_t>(box.offset(first, j, k) / BandField::kChunk),
+                 to = static_cast<std::ptrdiff_t>(box.offset(end - 1, j, k) / BandField::kChunk);
+      std::fill(chunks.begin() + from, chunks.begin() + to + 1, std::uint8_t{1});
+    }
+  return chunks;
+}
+
+// The scan's greys on the box's lattice, without other teeth, smoothed; from as far around the tooth as
+// depths are known on those of the surroundings. `noise`: what is left of it.
+TrimmedField greys_around_tooth(const WorkBox& box, const ImageVolume<float>& scan,
+                                const GreyClasses& classes, double blur, double& noise) {
+  Field grey = resample(scan, box, classes.surroundings);
+  remove_others(box, classes, blur, grey);
+  smooth(box.size, grey, smoothing_for(noise_of(grey, classes), classes, blur));
+  noise = noise_of(grey, classes);
+  const Mask chunks = chunks_near_bright(box, grey, not_below(classes.threshold_dentin),
+                                         static_cast<int>(std::ceil(far_depth(blur))));
+  return {chunks, grey, static_cast<float>(classes.surroundings)};
+}
+
+// To the system: what one thread freed another one's heap would not use.
+void return_free_memory() { malloc_trim(0); }
+
 std::string place(const Vec3& x) {
   return "(" + short_number(x.x()) + ", " + short_number(x.y()) + ", " + short_number(x.z()) + ")";
 }
@@ -572,10 +628,16 @@ void add_notes(const GreyClasses& classes, const ScanSurvey& seen, std::size_t s
                            short_number(seen.highest) +
                            ", where it seems to be clipped: metal, or enamel beyond the scanner's "
                            "range; borders there are uncertain");
-  if (cavity.mask.empty()) {
+  if (cavity.empty()) {
     report.notes.push_back("no pulp cavity was found inside the dentin");
   } else {
-    const MaskParts parts = parts_of(box.size, cavity.mask);
+    Mask pulp(static_cast<std::size_t>(box.size.x()));  // of a row
+    const MaskParts parts = parts_of(box.size, [&](std::size_t row) {
+      const std::size_t first = row * pulp.size();
+      std::fill(pulp.begin(), pulp.end(), std::uint8_t{0});
+      cavity.for_each(first, first + pulp.size(), [&](std::size_t v) { pulp[v - first] = 1; });
+      return pulp.data();
+    });
     const double voxel = std::pow(box.lattice.voxel, 3);
     std::size_t large = 0;
     std::string list;
@@ -624,10 +686,9 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   if (!seen.greys)
     seen.greys = greys_of(scan, options.voxel, voxels_in(frame, box),
                           [&](double read) { progress("reading the tooth", 0.35 + 0.1 * read); });
-  Field grey = resample(*seen.greys, box, classes.surroundings);
   if (report) *report = {};
-  remove_others(box, classes, blur, grey);
-  smooth(box.size, grey, smoothing_for(noise_of(grey, classes), classes, blur));
+  double noise = 0;
+  TrimmedField grey = greys_around_tooth(box, *seen.greys, classes, blur, noise);
 
   progress("finding the pulp", 0.5);
   Cavity cavity = find_cavity(box, grey, classes, blur, margin);
@@ -637,10 +698,9 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   Mask rough(box.voxels());
   box.for_each_row([&, least = not_below(classes.threshold_dentin)](int, int, std::size_t first,
                                                                     std::size_t end) {
-    const float* in = grey.data();
     std::uint8_t* out = rough.data();
-    for (std::size_t v = first; v < end; ++v) out[v] = in[v] >= least;
-    for (std::size_t v = first; v < end && !cavity.mask.empty(); ++v) out[v] |= cavity.mask[v];
+    grey.not_below(least, first, end, out + first);
+    cavity.for_each(first, end, [&](std::size_t v) { out[v] = 1; });
   });
   keep_largest_component(box.size, rough);
   fill_enclosed(box.size, rough);
@@ -652,29 +712,34 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
     Mask().swap(rough);
     BandField level = inward_level(box, depth, kReach, std::max(skin_depth(blur), kReach), blur);
     depth.keep(kReach + 1, static_cast<float>(std::max(skin_depth(blur), kReach) + 1));
+    return_free_memory();
     along = look_along_normals(box, seen, frame.voxels(), grey, depth, level, classes, blur,
                                options.thin_enamel);
     if (report && options.keep_greys) report->greys = std::move(*seen.greys);
     seen.greys.reset();
+    return_free_memory();
     UnderSurface under =
         look_under_surface(box, grey, depth, std::move(level), classes, blur, along);
     look_beyond_metal(along.metal, depth, classes, blur, under);
-    Mask solid;
-    fields.solid = solid_field(box, grey, depth, cavity, under, along, classes, blur, solid);
-    cavity.from_outside = under.cover = BandField();
+    fields.solid = solid_field(box, grey, depth, cavity, under, along, classes, blur);
+    under.cover = BandField();
     progress("separating the tissues", 0.7);
-    add_tissue_fields(box, grey, depth, solid, cavity, under.plateau, along, classes, blur, fields);
+    add_tissue_fields(box, grey, depth, cavity, under.plateau, along, classes, blur, fields);
   }
+  return_free_memory();
   if (!options.thresholds) {
     const std::string why = implausible_layers(layers_of(box, fields), classes);
     if (!why.empty()) throw Error(why);
   }
   SurfaceUncertainty uncertainty =
-      surface_uncertainty(box, grey, noise_of(grey, classes), fields, classes, along.thin, blur);
-  Field().swap(grey);
+      surface_uncertainty(box, grey, noise, fields, classes, along.thin, blur);
+  grey = TrimmedField();
+  along.thin.voxels = std::vector<ThinEnamel::Voxel>();
 
   progress("measuring distances", 0.8);
   LayeredTooth tooth = tooth_of(box, fields);
+  fields = {};
+  return_free_memory();
   tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
   tooth.provenance["threshold_enamel"] = short_number(classes.threshold_enamel);
   record_scan_half_widths(uncertainty.half_widths(), tooth.provenance);

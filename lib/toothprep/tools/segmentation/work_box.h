@@ -94,9 +94,10 @@ void for_each_point_set(const ImageFrame& image, const WorkBox& box, int n, cons
   });
 }
 
-// Value at a fractional voxel, linear between the values of the array, whose edge values are
-// continued outside.
-inline float trilinear(const Index3& size, const std::vector<float>& values, const Vec3& index) {
+// Value at a fractional voxel, linear between the values of an array (or a TrimmedField), whose edge
+// values are continued outside.
+template <class Values>
+float trilinear(const Index3& size, const Values& values, const Vec3& index) {
   Index3 base;
   Vec3 f;
   for (int a = 0; a < 3; ++a) {
@@ -106,9 +107,13 @@ inline float trilinear(const Index3& size, const std::vector<float>& values, con
   }
   const auto row = static_cast<std::size_t>(size.x()),
              plane = row * static_cast<std::size_t>(size.y());
-  const float* p = values.data() + static_cast<std::size_t>(base.z()) * plane +
-                   static_cast<std::size_t>(base.y()) * row + static_cast<std::size_t>(base.x());
-  const auto along_x = [&](std::size_t o) { return p[o] + f.x() * (p[o + 1] - p[o]); };
+  const std::size_t v = static_cast<std::size_t>(base.z()) * plane +
+                        static_cast<std::size_t>(base.y()) * row +
+                        static_cast<std::size_t>(base.x());
+  const auto along_x = [&](std::size_t o) {
+    const float low = values[v + o];
+    return low + f.x() * (values[v + o + 1] - low);
+  };
   const double a = along_x(0), b = along_x(row), c = along_x(plane), d = along_x(plane + row);
   const double ab = a + f.y() * (b - a), cd = c + f.y() * (d - c);
   return static_cast<float>(ab + f.z() * (cd - ab));
