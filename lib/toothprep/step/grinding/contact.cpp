@@ -17,9 +17,9 @@ constexpr float kRounding = 1e-6f;  // of the speed
 constexpr double kLookAhead = 0.8;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
-// A sample stands while the direction turns by no more than this (rad): over which part of a piece
-// v·n has its sign changes by a hundredth then.
-constexpr double kSteady = 5e-4;
+// A sample stands while the direction turns by no more than this (rad): what begins to advance then
+// has next to no v·n.
+constexpr double kSteady = 2e-3;
 // Motion along another direction (cosine) finds something else.
 constexpr float kSameDirection = 0.995f;
 
@@ -39,7 +39,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {
   const std::size_t n = elements_.size();
-  for (auto* array : {&left_, &advance_, &range_}) array->resize(n);
+  for (auto* array : {&left_, &slack_, &advance_, &range_}) array->resize(n);
   for (auto* array : {&worth_, &candidates_, &to_look_}) array->resize(n);
   found_.assign(n, Found::kVoid);
   standing_.resize(n);
@@ -255,13 +255,13 @@ void ContactModel::advance_turning(const Scan& scan) noexcept {
 int ContactModel::choose(const Scan& scan) noexcept {
   const int n = static_cast<int>(worth_.size());
   const Found* found = found_.data();
-  const float* left = left_.data();
+  const float *left = left_.data(), *slack = slack_.data();
   std::int32_t* worth = worth_.data();
   auto held = static_cast<float>(most_held_);
 #pragma omp simd reduction(min : held)
   for (int i = 0; i < n; ++i) {
     const bool stands = static_cast<std::int32_t>(found[i]) == 0 && left[i] >= 0;
-    const float until = stands && worth[i] != 0 ? left[i] : held;
+    const float until = stands && worth[i] != 0 ? left[i] + slack[i] : held;
     held = until < held ? until : held;
     worth[i] = stands ? 0 : worth[i];
   }
@@ -277,8 +277,10 @@ int ContactModel::choose(const Scan& scan) noexcept {
   }
   for (int l = 0; l < looks; l += kPieces) look(scan, to_look + l, std::min(kPieces, looks - l));
   // Until an element that is in the void may be reached.
-  for (int l = 0; l < looks; ++l)
-    if (found[to_look[l]] == Found::kVoid) held = std::min(held, left[to_look[l]]);
+  for (int l = 0; l < looks; ++l) {
+    const std::int32_t i = to_look[l];
+    if (found[i] == Found::kVoid) held = std::min(held, left[i] + slack[i]);
+  }
   held_ = held;
   return count;
 }

@@ -19,8 +19,8 @@
 // passed again.
 //
 // From step to step little changes. What was found of an element as a whole is kept until the bur
-// has moved by half of the distance at which it could be different, or a cut was put in place. Along a
-// straight way a whole sample stands for a hundredth of a piece's size, if nothing is reached by then.
+// has moved by half of the distance at which it could be different, or a cut was put in place. Straight
+// on, a whole sample stands for a hundredth of a piece's size, if nothing is reached by then.
 #pragma once
 
 #include <array>
@@ -83,7 +83,8 @@ class ContactModel {
     float ux = 0, uy = 0, uz = 0;  // unit, B: the direction that it was looked for in
     // Of each of its pieces what is covered, its middle, and in which tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
-    int tissue = -1;  // of all of them, or -1: as they share them
+    double stays = 0;  // mm of way: for so long from when it was found
+    int tissue = -1;   // of all of them, or -1: as they share them
     Float4 of_tissue[kTissueCount] = {};
   };
   // One sample under way.
@@ -158,6 +159,8 @@ class ContactModel {
   std::vector<Found> found_;
   std::vector<Standing> standing_;
   std::vector<float> left_;
+  // By how much farther it is, at least, to what may be met by an element that is in the void, mm.
+  std::vector<float> slack_;
   // Until where on the way what was found to be covered of its pieces stands, mm.
   std::vector<double> settled_;
   double way_ = 0;

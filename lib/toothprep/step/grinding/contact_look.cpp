@@ -64,6 +64,7 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
   for (int p = 0; p < count; ++p) {
     const std::int32_t i = elements[p];
     settled_[i] = -1;
+    slack_[i] = kStands * (1 - 1 / kSlack) * s.extent[p];
     found_[i] = Found::kVoid;
     left_[i] = s.live[p] ? left[p] : kStands * workpiece.band();
     Standing& standing = standing_[i];
@@ -145,7 +146,7 @@ void ContactModel::look_for_tissue(const Scan& scan, int p, Look& s) noexcept {
                       Eigen::Vector3f(s.at_x[p], s.at_y[p], s.at_z[p]), s.ahead[p], standing);
   s.left[p] = left;
   if (left >= 0) return;  // else in air
-  left_[i] = -left;
+  left_[i] = -left, slack_[i] = 0;
   s.remains[p] = 0;
 }
 

@@ -32,6 +32,9 @@ constexpr float kBeside = 4;              // 1 / cosine² up to which an edge li
 constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
+// A whole sample stands for so much longer than what was found of its pieces: a surface that meets one
+// flat is not met late, and what moves across one gets no farther than a hundredth of it meanwhile.
+constexpr double kHeld = 10;
 
 // By how much (mm) the floor that a sharp edge left is too high at that edge, from the field's value in
 // the middle of pieces there and its rise from the edge to the middle. Only a thin chip can be such a
@@ -74,7 +77,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
       take_settled(standing, lanes);
     else
       find_covered(scan, i, pieces, first, simple, lanes);
-    held_ = std::min(held_, settled_[i] - way_);
+    held_ = std::min(held_, kHeld * standing.stays);
   }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
@@ -100,9 +103,10 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   const double most = kSettledVoxels * scan.workpiece.voxel();
   const Float4& c = s.change;
   const float fastest = std::max(std::max(c[0], c[1]), std::max(c[2], c[3]));
-  settled_[i] = way_ + (s.tissue >= 0 && all(whole)
-                            ? most
-                            : std::min(most, double{kStays / std::max(fastest, kLeastExtent)}));
+  standing.stays = s.tissue >= 0 && all(whole)
+                       ? most
+                       : std::min(most, double{kStays / std::max(fastest, kLeastExtent)});
+  settled_[i] = way_ + standing.stays;
 }
 
 // The same as it was found before.
