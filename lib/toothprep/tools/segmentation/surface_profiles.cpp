@@ -54,25 +54,16 @@ class Cubic {
       for (int j = 0; j < 4; ++j)
         row[j] = within ? four_of(first[0], first[1] + j, first[2] + k)
                         : continued(first[0], first[1] + j, first[2] + k);
-      const Four part =
-          weight[2][k] * of_y * sums_of(of_x * row[0], of_x * row[1], of_x * row[2], of_x * row[3]);
+      const Four lines = {sum_of(of_x * row[0]), sum_of(of_x * row[1]), sum_of(of_x * row[2]),
+                          sum_of(of_x * row[3])};
+      const Four part = weight[2][k] * of_y * lines;
       for (int j = 0; j < 4; ++j) sum += part[j];
     }
     return static_cast<float>(sum);
   }
 
  private:
-  // The sum of each, from its first on.
-  static Four sums_of(const Four& a, const Four& b, const Four& c, const Four& d) {
-    using Order = std::int64_t __attribute__((vector_size(4 * sizeof(std::int64_t))));
-    constexpr Order even = {0, 4, 2, 6}, odd = {1, 5, 3, 7}, low = {0, 1, 4, 5},
-                    high = {2, 3, 6, 7};
-    const Four ab_even = __builtin_shuffle(a, b, even), ab_odd = __builtin_shuffle(a, b, odd),
-               cd_even = __builtin_shuffle(c, d, even), cd_odd = __builtin_shuffle(c, d, odd);
-    return ((__builtin_shuffle(ab_even, cd_even, low) + __builtin_shuffle(ab_odd, cd_odd, low)) +
-            __builtin_shuffle(ab_even, cd_even, high)) +
-           __builtin_shuffle(ab_odd, cd_odd, high);
-  }
+  static double sum_of(const Four& a) { return ((a[0] + a[1]) + a[2]) + a[3]; }
   // Four voxels along x.
   Four four_of(int x, int y, int z) const {
     using Floats = float __attribute__((vector_size(4 * sizeof(float))));
