@@ -442,16 +442,16 @@ class Slab {
     return any(dx * dx + rest < slope * load(best));
   }
   // The same by the height above the triangle's plane, and how far beside the ball that is. Here a root is
-  // not more than its tangent at kTangent, since where a triangle beneath is known little room is left.
+  // not more than its tangent at kTangent, since where a triangle beneath is known there is little left of it.
   static bool may_lie_above(const float* best, const Triangle& triangle, const Triangle::Rows& rows,
                             int r, float x, float side2) {
     constexpr float kTangent = 0.25f, kHeightSlack = 3 * kSlack;
     const Lanes height = rows.height[r] + kUp * triangle.normal.x(), dx = x + kUp;
     const Lanes height2 = height * height, beside2 = dx * dx + side2 - height2,
-                room = load(best) + kHeightSlack - height2;
+                left = load(best) + kHeightSlack - height2;
     const float radius = triangle.radius + kMargin;
-    return any((room >= 0) &
-               (beside2 < radius * (radius + kTangent) + room * (1 + radius / kTangent)));
+    return any((left >= 0) &
+               (beside2 < radius * (radius + kTangent) + left * (1 + radius / kTangent)));
   }
   static bool any(const decltype(Lanes{} < Lanes{}) & lanes) {
     std::array<std::uint64_t, kLanes / 2> pairs;
