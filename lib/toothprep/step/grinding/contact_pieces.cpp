@@ -32,8 +32,8 @@ constexpr float kBeside = 4;              // 1 / cosine² up to which an edge li
 constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
 constexpr double kSettledVoxels = 0.1;
-// A whole sample stands for so much longer than what was found of its pieces: a surface that meets one
-// flat is not met late, and what moves across one gets no farther than a hundredth of it meanwhile.
+// A whole sample stands for so much longer than what was found of its pieces. What moves across a piece
+// gets no farther than a hundredth of it meanwhile; one that is met flat may be met as much too late.
 constexpr double kHeld = 10;
 
 // By how much (mm) the floor that a sharp edge left is too high at that edge, from the field's value in
