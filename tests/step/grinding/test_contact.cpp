@@ -71,6 +71,26 @@ TEST_F(ContactOfACylinder, ASampleCoversVelocitiesNearItsOwnAndNoOthers) {
   EXPECT_FALSE(contact_.covers(Vec3(0, 1, 0)));
 }
 
+// A flat end is pressed onto the face by a fiftieth of a micrometre a sample, leaning so little that it is
+// met within two micrometres. A sample that stands meanwhile misses at most a tenth of a piece.
+TEST_F(ContactOfACylinder, AFlatEndThatIsPressedOntoAFaceSlowlyMeetsItInTime) {
+  const Quat down(Eigen::AngleAxisd(-units::kPi / 2 + 0.0017, Vec3::UnitX()));  // its tip along -y
+  const double disc = units::kPi * kRadius * kRadius;
+  double worst = 0, felt = 0;
+  for (int i = 0; i < 250; ++i) {
+    const Pose pose{Vec3(0, 0.002 - 2e-5 * i, 0), down};
+    const auto felt_by = [&](ContactModel& contact) {
+      contact.sample(workpiece_, pose, Vec3(0, 0, -0.02), Vec3::Zero(), kReach);
+      return total(contact.contact().advancing_area(Vec3(0, 0, -0.02), Vec3::Zero()));
+    };
+    ContactModel fresh(bur_, kElementSize, true, paper_without_stall().tissue);
+    felt = felt_by(contact_);
+    worst = std::max(worst, std::abs(felt - felt_by(fresh)));
+  }
+  EXPECT_NEAR(felt, disc, 0.01 * disc);
+  EXPECT_LT(worst, 0.02 * disc);
+}
+
 // A shank that is lowered into a block, drawn out, and lowered and leant again.
 TEST(AreaInTissueFromStepToStep, IsThatOfEachPose) {
   const Bur bur = paper_cylinder();

@@ -160,10 +160,13 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
             static_cast<float>(v.norm()),
             static_cast<float>(reach),
             omega.squaredNorm() > 0,
-            cuts};
-  if (holds(scan, pose)) return;
+            cuts,
+            Vec3::Zero()};
+  if (scan.speed > 0) scan.direction = scan.v.cast<double>() / scan.speed;
+  const double way = way_since(scan, pose);
+  if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
-  begin(scan, pose);
+  begin(scan, pose, way);
   if (scan.turns)
     advance_turning(scan);
   else
@@ -178,18 +181,17 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
 double ContactModel::way_since(const Scan& scan, const Pose& pose) const noexcept {
   const Vec3 turn = (sampled_pose_.orientation.conjugate() * pose.orientation).vec();
   const double way = (pose.position - sampled_pose_.position).norm() + 2 * turn.norm() * arm_;
-  return scan.turns ? way : way + look_ahead_ * (scan.direction() - sampled_direction_).norm();
+  return scan.turns ? way : way + look_ahead_ * (scan.direction - sampled_direction_).norm();
 }
 
 // Whether the last sample still stands.
-bool ContactModel::holds(const Scan& scan, const Pose& pose) const noexcept {
+bool ContactModel::holds(const Scan& scan, double way) const noexcept {
   return sampled_ && !scan.turns && !sampled_turning_ && scan.cuts == sampled_cuts_ &&
-         (scan.direction() - sampled_direction_).norm() <= kSteady && way_since(scan, pose) < held_;
+         (scan.direction - sampled_direction_).norm() <= kSteady && way < held_;
 }
 
 // Takes the way since the last sample off what was found there.
-void ContactModel::begin(const Scan& scan, const Pose& pose) noexcept {
-  const double way = way_since(scan, pose);
+void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcept {
   if (!sampled_ || scan.turns != sampled_turning_) {
     std::fill(left_.begin(), left_.end(), -1.0f);
   } else {
@@ -204,7 +206,7 @@ void ContactModel::begin(const Scan& scan, const Pose& pose) noexcept {
     for (std::size_t i = 0; i < left_.size(); ++i)
       if (found_[i] == Found::kInside) left_[i] = -1;
   sampled_pose_ = pose;
-  sampled_direction_ = scan.direction();
+  sampled_direction_ = scan.direction;
   sampled_speed_ = scan.speed;
   sampled_turning_ = scan.turns;
   sampled_cuts_ = scan.cuts;

@@ -83,7 +83,7 @@ class ContactModel {
     float ux = 0, uy = 0, uz = 0;  // unit, B: the direction that it was looked for in
     // Of each of its pieces what is covered, its middle, and in which tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
-    double stays = 0;  // mm of way: for so long from when it was found
+    double holds = 0;  // as of settled_, but for a whole sample
     int tissue = -1;   // of all of them, or -1: as they share them
     Float4 of_tissue[kTissueCount] = {};
   };
@@ -108,8 +108,8 @@ class ContactModel {
   void add_piece(std::size_t i, double around, double along, int across, int up, Pieces& to);
 
   double way_since(const Scan& scan, const Pose& pose) const noexcept;
-  bool holds(const Scan& scan, const Pose& pose) const noexcept;
-  void begin(const Scan& scan, const Pose& pose) noexcept;
+  bool holds(const Scan& scan, double way) const noexcept;
+  void begin(const Scan& scan, const Pose& pose, double way) noexcept;
   void advance_straight(const Scan& scan) noexcept;
   void advance_turning(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;

@@ -75,13 +75,13 @@ struct ContactModel::Scan {
   float reach;               // mm
   bool turns;
   std::uint64_t cuts;                              // number of the cut
-  Eigen::Vector3f unit = Eigen::Vector3f::Zero();  // of v, voxels per mm
+  Vec3 direction;                                  // of v, B
+  Eigen::Vector3f unit = Eigen::Vector3f::Zero();  // the same, voxels per mm
 
   Eigen::Vector3f unit_of(const Eigen::Vector3f& u, float of_speed) const {
     const float per_speed = of_speed > 0 ? 1 / of_speed : 0;
     return frame.turned(u.x() * per_speed, u.y() * per_speed, u.z() * per_speed);
   }
-  Vec3 direction() const { return speed > 0 ? Vec3(v.cast<double>() / speed) : Vec3(Vec3::Zero()); }
   Eigen::Vector3f velocity_at(float x, float y, float z) const {
     return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
   }
@@ -133,31 +133,41 @@ struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
   float curvature_along, curvature_around;
-  float edge;          // as of edge_
-  Int4 at_edge;        // -1: the piece lies at that edge
-  Float4 ux, uy, uz;   // velocity, mm/s, B
-  Float4 advance;      // v·n, mm/s
-  Float4 ix, iy, iz;   // index of the sample, from the tip's voxel
-  Float4 fx, fy, fz;   // its place in its cell
-  KeptCells* cells;    // these
-  Int4 live;           // -1: may be in contact, 0: not
-  Float4 share, x, y;  // as of CoveredPart
-  Float4 change;       // of shares, per mm of way, at most; see kStays
-  int tissue;          // that all of them lie in, or -1: as they share them
+  float edge;           // as of edge_
+  Int4 at_edge;         // -1: the piece lies at that edge
+  Float4 ux, uy, uz;    // velocity, mm/s, B
+  Float4 advance;       // v·n, mm/s
+  Float4 ix, iy, iz;    // index of the sample, from the tip's voxel
+  Float4 fx, fy, fz;    // its place in its cell
+  KeptCells* cells;     // these
+  Int4 live;            // -1: may be in contact, 0: not
+  Float4 share, x, y;   // as of CoveredPart
+  Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
+  int tissue;           // that all of them lie in, or -1: as they share them
   Float4 of_tissue[kTissueCount];
+
+  void note_crossing(const Int4& counts, const Float4& value, const Float4& range_along,
+                     const Float4& range_around, const Float4& along_way);
 };
 
-// What was found of a piece stands until a share may have changed by this.
-constexpr float kStays = 0.01f;
+// What was found of a piece stands until a share may have changed by this, and a whole sample in which it
+// counts until one may have changed by that.
+constexpr float kStays = 0.01f, kHolds = 0.1f;
 
-// How fast the share of a piece that a field covers changes at most along the way, per mm, from the
-// field's value, half ranges over the piece and change along the way. Where the field's zero lies
-// outside of the piece, such that it doesn't get there before kStays would be reached.
-inline Float4 change_along_way(const Float4& value, const Float4& range_along,
-                               const Float4& range_around, const Float4& along_way) {
+// A field at the pieces of `counts`, with its value, half ranges over them and change along the way: the
+// way that is left becomes no longer than until the share that it covers has changed. Where its zero
+// lies outside of a piece the share changes when it gets there.
+inline void ContactModel::Lanes::note_crossing(const Int4& counts, const Float4& value,
+                                               const Float4& range_along,
+                                               const Float4& range_around,
+                                               const Float4& along_way) {
   const Float4 a = magnitude(range_along), b = magnitude(range_around);
-  const Float4 away = (magnitude(value) - (a + b)) / kStays;
-  return magnitude(along_way) / greatest(greatest(2 * greatest(a, b), away), all4(kLeastExtent));
+  const Float4 comes = turned_where_negative(value, -along_way);
+  const Float4 across = 2 * greatest(a, b) / greatest(magnitude(along_way), all4(kLeastExtent)),
+               until = (magnitude(value) - (a + b)) / greatest(comes, all4(kLeastExtent));
+  const Float4 stay = greatest(kStays * across, until), hold = greatest(kHolds * across, until);
+  stays = counts ? least(stays, stay) : stays;
+  holds = counts ? least(holds, hold) : holds;
 }
 
 }  // namespace toothprep

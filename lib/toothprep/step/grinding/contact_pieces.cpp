@@ -30,11 +30,9 @@ constexpr float kAcross = 10;             // 1 / sine from which on a motion isn
 constexpr float kBeside = 4;              // 1 / cosine² up to which an edge lies beside the motion
 // The floor that it left ahead of the bur, likewise.
 constexpr float kFloorStandsOut = 0.05f;
-// For this much of the way a piece that is covered as a whole stays so, and one that isn't at all.
+// For this much of the way at most what was found of a piece stands: between voxels a gradient changes.
 constexpr double kSettledVoxels = 0.1;
-// A whole sample stands for so much longer than what was found of its pieces. What moves across a piece
-// gets no farther than a hundredth of it meanwhile; one that is met flat may be met as much too late.
-constexpr double kHeld = 10;
+constexpr float kUnbounded = 1e3f;  // mm of way
 
 // By how much (mm) the floor that a sharp edge left is too high at that edge, from the field's value in
 // the middle of pieces there and its rise from the edge to the middle. Only a thin chip can be such a
@@ -77,7 +75,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
       take_settled(standing, lanes);
     else
       find_covered(scan, i, pieces, first, simple, lanes);
-    held_ = std::min(held_, kHeld * standing.stays);
+    held_ = std::min(held_, standing.holds - way_);
   }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
@@ -88,7 +86,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
 void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, int first,
                                 bool simple, Lanes& s) noexcept {
   s.cells = &near_[i];
-  s.change = Float4{};
+  s.stays = s.holds = all4(kUnbounded);
   locate(scan, pieces, first, s);
   if (found_[i] != Found::kInside) cover(scan, pieces, first, far_[i], s);
   if (!simple) cover_tooth(scan, i, pieces, first, s);
@@ -99,14 +97,13 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   store4(s.y, standing.y.data());
   standing.tissue = s.tissue;
   if (s.tissue < 0) std::copy_n(s.of_tissue, kTissueCount, standing.of_tissue);
-  const Int4 whole = (s.share > 1 - kLeastShare) | (s.share < kLeastShare) | (s.advance <= 0);
-  const double most = kSettledVoxels * scan.workpiece.voxel();
-  const Float4& c = s.change;
-  const float fastest = std::max(std::max(c[0], c[1]), std::max(c[2], c[3]));
-  standing.stays = s.tissue >= 0 && all(whole)
-                       ? most
-                       : std::min(most, double{kStays / std::max(fastest, kLeastExtent)});
-  settled_[i] = way_ + standing.stays;
+  // What doesn't advance counts only once the motion turns, which is way as well.
+  const Int4 counts = s.advance > 0;
+  const auto least_way = [&](const Float4& way, double most) {
+    return std::min(most, double{least_of(counts ? way : all4(kUnbounded))});
+  };
+  settled_[i] = way_ + least_way(s.stays, kSettledVoxels * scan.workpiece.voxel());
+  standing.holds = way_ + least_way(s.holds, kUnbounded);
 }
 
 // The same as it was found before.
@@ -191,7 +188,7 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
   const Float4 near_along = (here.gx * lx + here.gy * ly + here.gz * lz) * along,
                near_around = (here.gx * tx + here.gy * ty) * around;
   const CoveredPart<Float4> near = covered_part<Float4>(surface, near_along, near_around);
-  s.change = change_along_way(surface, near_along, near_around, rise);
+  s.note_crossing(s.live, surface, near_along, near_around, rise);
   s.share = s.live ? near.share : Float4{};
   s.x = near.x, s.y = near.y;
   s.live = s.share > kLeastShare;
@@ -228,8 +225,7 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
       all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge * beside;
   Float4 hidden = least(least(value, back), surface);
   if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, voxel);
-  const Float4 change = change_along_way(hidden, range_along, range_around, rise_there);
-  s.change = s.live ? greatest(s.change, change) : s.change;
+  s.note_crossing(s.live, hidden, range_along, range_around, rise_there);
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
   const CoveredPart<Float4> far =
       covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,

@@ -10,8 +10,6 @@
 namespace toothprep {
 namespace {
 
-constexpr float kUnknown = 1e9f;  // of how fast shares change
-
 // The axes of a piece in index space, scaled by half its extents: what a field's gradient is
 // multiplied by to get its half range.
 struct HalfAxes {
@@ -128,8 +126,7 @@ void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, in
     s.x = less ? part.x : s.x;
     s.y = less ? part.y : s.y;
     s.share = at_surface ? s.share * part.share : s.share;
-    const Float4 change = change_along_way(value, along, around, along4(solid, s.unit));
-    s.change = at_surface ? greatest(s.change, change) : s.change;
+    s.note_crossing(at_surface, value, along, around, along4(solid, s.unit));
   }
   const Int4 counts = s.share > kLeastShare;
   const std::int32_t one = std::max(std::max(only[0], only[1]), std::max(only[2], only[3]));
@@ -156,8 +153,7 @@ void ContactModel::share_tissues(const Scan& scan, const HalfAxes4& axes, const 
       const Float4 share = 0.5f - 0.5f * value / greatest(extent, all4(kLeastExtent));
       s.of_tissue[k] = least(greatest(share, Float4{}), all4(1));
       sum += s.of_tissue[k];
-      const Float4 change = change_along_way(value, along, around, along4(field, s.unit));
-      s.change = wanted ? greatest(s.change, change) : s.change;
+      s.note_crossing(wanted, value, along, around, along4(field, s.unit));
     }
     for (int k = 0; k < KeptTissues::kFields; ++k) s.of_tissue[k] /= sum;
   }
@@ -168,7 +164,7 @@ void ContactModel::share_tissues(const Scan& scan, const HalfAxes4& axes, const 
     if (only[p] != 0)
       shares[only[p] - 1] = 1;
     else if (counts[p])
-      shares = shares_of(scan, pieces, first, p, s), s.change[p] = kUnknown;
+      shares = shares_of(scan, pieces, first, p, s), s.stays[p] = s.holds[p] = 0;
     for (int k = 0; k < kTissueCount; ++k) s.of_tissue[k][p] = shares[k];
   }
 }

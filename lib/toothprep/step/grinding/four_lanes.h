@@ -78,6 +78,10 @@ template <>
 #endif
 }
 
+[[nodiscard]] inline float least_of(Float4 a) noexcept {
+  return least(least(a[0], a[1]), least(a[2], a[3]));
+}
+
 // Rows to columns.
 inline void transpose(Float4& a, Float4& b, Float4& c, Float4& d) noexcept {
 #if defined(__clang__)
