@@ -133,6 +133,115 @@ TEST_F(Readings, AfterALateOneMayBeAsOldAsThat) {
   EXPECT_EQ(judge(reading(1041)), F::kNone);
 }
 
+// A hand on a straight way, and a servo that is held up after a second: readings that are as old as
+// the tick before, or not, and a second hold-up soon after the first.
+class HeldUp : public Readings {
+ protected:
+  struct Pause {
+    double length;  // s, of the tick before the reading
+    bool old;       // it was made before the pause
+  };
+  static DeviceReading at(double time, double made, double speed) {
+    DeviceReading r;
+    r.time = time;
+    r.hand.position = Vec3(0.023 * std::round(1e3 * speed * made / 23), 0, 0);
+    r.hand.orientation = Quat(Eigen::AngleAxisd(1e-3 * speed * made, Vec3::UnitX()));
+    return r;
+  }
+  // The time after two pauses with `between` ticks between them; no reading may be rejected.
+  double through(double speed, Pause first, int between, Pause second) {
+    double time = 0;
+    const auto tick = [&](double length, bool old) {
+      const double made = old && length > 2e-3 ? time + 1e-4 : time + length;
+      time += length;
+      EXPECT_EQ(judge(at(time, made, speed)), F::kNone)
+          << "hand at " << speed << " mm/s, held up for " << first.length
+          << (first.old ? " old" : "") << ", " << between << " ticks later for " << second.length
+          << (second.old ? " old" : "") << ", at " << time;
+    };
+    for (int i = 0; i < 1000; ++i) tick(1e-3, false);
+    tick(first.length, first.old);
+    for (int i = 0; i < between; ++i) tick(i == 0 ? 2e-4 : 1e-3, false);
+    tick(second.length, second.old);
+    tick(2e-4, false);
+    for (int i = 0; i < 20; ++i) tick(1e-3, false);
+    return time;
+  }
+};
+
+TEST_F(HeldUp, ReadingsAreAllBelieved) {
+  const double pauses[] = {1e-3, 2.3e-3, 4e-3, 12e-3, 0.0497, 0.0503, 0.0717, 0.4, 12};
+  for (const double speed : {0.0, 5.0, 23.0, 300.0, 1000.0})
+    for (const double first : pauses)
+      for (const double second : pauses)
+        for (const int between : {0, 1, 2, 15})
+          for (const int old : {0, 1, 2, 3}) {
+            // A hand that goes on for so long is elsewhere, by the rule of the gap.
+            if (speed > 0 && std::max(first, second) > 0.1) continue;
+            check_ = ReadingCheck{ReadingLimits{}};
+            through(speed, {first, (old & 1) != 0}, between, {second, (old & 2) != 0});
+            if (HasFailure()) return;
+          }
+}
+
+TEST_F(HeldUp, HandsAreNotKickedByAReadingAside) {
+  for (const bool old : {false, true}) {
+    check_ = ReadingCheck{ReadingLimits{}};
+    double time = through(23, {0.06, old}, 1, {1e-3, false});
+    const double last = time;
+    time += 0.06;
+    EXPECT_EQ(judge(at(time, old ? last + 1e-4 : time, 23)), F::kNone);
+    EXPECT_TRUE(check_.resumed());
+    time += 2e-4;
+    DeviceReading aside = at(time, time, 23);
+    aside.hand.position.y() += 5;
+    EXPECT_EQ(judge(aside), F::kGap) << "5 mm aside";
+    EXPECT_EQ(judge(at(time + 1e-3, time + 1e-3, 23)), F::kNone) << "back on its way";
+    EXPECT_TRUE(check_.resumed());
+  }
+}
+
+TEST_F(HeldUp, APoseIsNotTakenForFrozen) {
+  EXPECT_EQ(good(0, 1000), 0);
+  DeviceReading same = reading(999);
+  same.time += 2;
+  EXPECT_EQ(judge(same), F::kNone) << "it was made before the pause";
+  EXPECT_TRUE(check_.resumed());
+  DeviceReading next = reading(1000);
+  next.time = same.time + 1e-3;
+  EXPECT_EQ(judge(next), F::kNone);
+}
+
+TEST_F(HeldUp, AHandThatMovedHasTenSecondsOfReadingsToComeBack) {
+  for (const bool old : {false, true}) {
+    check_ = ReadingCheck{ReadingLimits{}};
+    EXPECT_EQ(good(0, 1000), 0);
+    if (old) {
+      DeviceReading r = reading(999);
+      r.time = 3600;  // the program was stopped for an hour
+      EXPECT_EQ(judge(r), F::kNone);
+    }
+    int last = 1;
+    for (; last < 20000 && !check_.lost(); ++last) {
+      DeviceReading r = reading(last);
+      r.time += last < 4000 ? 3600 : 7200;  // and for another
+      r.hand.position.y() += 1000;
+      EXPECT_EQ(judge(r), F::kGap) << last;
+    }
+    EXPECT_NEAR(last, 9950, 60);
+  }
+}
+
+TEST_F(Readings, OfAFastHandAreBelievedAfterEachOfTwoGlitches) {
+  for (int i = 0; i < 1100; ++i) {
+    DeviceReading r = reading(i);
+    r.hand.position = Vec3(0.4 * i, 0, 0);
+    const bool glitch = i == 1000 || i == 1002;
+    if (glitch) r.hand.position.y() = 20;
+    EXPECT_EQ(judge(r) != F::kNone, glitch) << i;
+  }
+}
+
 TEST_F(Readings, OfAnOrientationThatJumpsAreRejected) {
   EXPECT_EQ(good(0, 1000), 0);
   DeviceReading r = reading(1000);

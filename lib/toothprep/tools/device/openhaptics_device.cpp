@@ -449,7 +449,6 @@ class OpenHapticsDevice final : public HapticDevice {
   }
 
   void tick() noexcept {
-    const double time = monotonic_time() - origin_;
     DeviceFault fault = DeviceFault::kNone;
     DevicePose other;
     if (mirror_) {  // a frame of its own; no force is set, and none is enabled
@@ -458,6 +457,8 @@ class OpenHapticsDevice final : public HapticDevice {
       driver_->hdEndFrame(mirror_->handle());
     }
     fault = worse_of(fault, begin_frame(hand_));
+    // After the reading: one that a pause made older than its time is known by the time.
+    const double time = monotonic_time() - origin_;
     // Some devices know only once they talk to the driver, and one may lose it on the way.
     if (ticks_++ % kCalibrationEvery == 0 &&
         driver_->hdCheckCalibration() == HD_CALIBRATION_NEEDS_MANUAL_INPUT)

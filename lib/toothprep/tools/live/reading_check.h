@@ -5,19 +5,23 @@
 //   not finite    the servo holds the last good pose, and says so
 //   outside       of the workspace by more than half of its largest side
 //   jump          |x - (x' + v T)| > slack + a T²       x', v: of the last good reading
-//   too fast      |x - x'| > slack + speed T            T: time since then, by the device's clock; a
-//                                                       reading after a late one counts from before
-//                                                       that, which may have been as old
+//   too fast      |x - x'| > slack + speed T            T: time since then, by the device's clock
 //   turned        angle > turn_slack + turn_rate T
 //   frozen        the same bits for `frozen_after` although the hand moved just before; a hand that
-//                 holds a stylus never does that, encoders count its tremor
+//                 holds a stylus never does that, encoders count its tremor.
 //   gap           no reading for longer than `gap`, and the hand is somewhere else by then
+//
+// A late reading, the first after a pause, may be as old as the one before it: the driver had it
+// ready before the pause. How far the hand has come in how long is known only with the next one: T
+// ends, and for the next one begins, at any moment of the pause; a gap is one for the next one too;
+// and v is measured from before the pause.
 //
 // After a reading was rejected, the next one that counts is near the last good one,
 // |x - x'| <= slack + 2 |v| T, whatever the time: a hand that was somewhere else meanwhile would
 // drag the bur through the tooth. If none comes for `give_up`, the hand is lost for good; for
 // `give_up_after_gap`, if only the hand is elsewhere: after a gap, a frozen pose, or readings that
-// became numbers again or jumped once more and then went on as a hand's.
+// became numbers again or jumped once more and then went on as a hand's. In these times, and in
+// `frozen_after`, a pause counts as `gap`: nobody can bring the hand back in it.
 #pragma once
 
 #include "toothprep/tools/device/haptic_device.h"
@@ -69,13 +73,15 @@ class ReadingCheck {  // of one device
   [[nodiscard]] bool lost() const noexcept { return lost_; }
 
  private:
-  ReadingFault fault_of(const DeviceReading& reading, double since) const noexcept;
+  ReadingFault fault_of(const DeviceReading& reading, double since, double age) const noexcept;
   bool jumps(const DevicePose& hand, double dt) const noexcept;
   void reject(const DeviceReading& reading, ReadingFault& fault, bool jumped,
               double since) noexcept;
   bool near_last(const DevicePose& hand, double since) const noexcept;
+  bool after_gap(double since) const noexcept;
+  double aside(const Vec3& way, double least, double most) const noexcept;
   bool frozen(const DevicePose& hand, double dt) noexcept;
-  void accept(const DeviceReading& reading, double since) noexcept;
+  void accept(const DeviceReading& reading, double age) noexcept;
 
   ReadingLimits limits_;
   bool any_ = false, resumed_ = false, lost_ = false;
@@ -84,10 +90,13 @@ class ReadingCheck {  // of one device
   ReadingFault cause_ = ReadingFault::kNone;  // of the first rejected one
   double last_time_ = 0;                      // s, of the last reading
   double good_time_ = 0;                      // s, of the last good one
+  double rejected_from_ = 0;                  // s, of readings in a row; later by pauses
   double last_bad_ = -1e9;                    // s, of the last one that can't be a hand's at all
   double bad_from_ = 0;                       // s, since when these come again and again
-  double lateness_ = 0;                       // s, of the last reading; 0: it wasn't late
+  double good_age_ = 0;                       // s that it may have been old by then
+  double timely_time_ = 0;                    // s, of the last good one that wasn't late
   DevicePose good_, raw_;
+  Vec3 timely_ = Vec3::Zero();    // mm, D
   Vec3 velocity_ = Vec3::Zero();  // mm/s, D: mean over some 10 ms
   double speed_ = 0;              // mm/s: mean over frozen_after
   double speed_before_ = 0;       // mm/s: of the last change of the pose
