@@ -690,18 +690,25 @@ void Driver::finish_tick() {
     if (i == 0) log(ended ? kFrameEnded : 0u);
     if (device.injected_ticks > 0) --device.injected_ticks;
   }
-  hold_for_a_tick();
 }
 
 void Driver::hold_for_a_tick() {
   for (const auto& device : devices_)
-    if (device) device->arm.advance(device->motor_force, time());
+    if (device) device->arm.advance(device->held_force, time());
   ++clock_tick_;
+}
+
+// After a tick: for those that passed until it was over under the force from before it.
+void Driver::move_arms(long passed) {
+  for (; passed > 0; --passed) hold_for_a_tick();
+  for (const auto& device : devices_)
+    if (device) device->held_force = device->motor_force;
+  hold_for_a_tick();
 }
 
 void Driver::release_motors() {
   for (const auto& device : devices_)
-    if (device) device->motor_force = Vec3::Zero();
+    if (device) device->motor_force = device->held_force = Vec3::Zero();
   log(kMotorsReleased);
 }
 
@@ -767,13 +774,13 @@ void Driver::run_in_real_time() {
     if (leave_) return;  // no last tick: a program has to command zero force itself
     tick();
     const Lock lock(mutex_);
-    const double next = start + static_cast<double>(clock_tick_ - first_tick_) * period;
+    const double next = start + static_cast<double>(clock_tick_ + 1 - first_tick_) * period;
     long passed = static_cast<long>((monotonic_time() - next) / period);
     if (passed > kMostCaughtUp) {
       start += static_cast<double>(passed - kMostCaughtUp) * period;
       passed = kMostCaughtUp;
     }
-    for (; passed > 0; --passed) hold_for_a_tick();
+    move_arms(passed);
   }
 }
 
@@ -818,7 +825,10 @@ long Driver::run(long ticks) {
           !devices_.empty() && devices_[0] && devices_[0]->arm.misses(clock_tick_ - first_tick_);
       if (misses) hold_for_a_tick();
     }
-    if (!misses) tick();
+    if (misses) continue;
+    tick();
+    const Lock lock(mutex_);
+    move_arms(0);
   }
   return ticks;
 }
@@ -873,7 +883,7 @@ void Driver::unplug(unsigned device) {
 
 void Driver::unplug(Device& device) {
   device.unplugged = true;
-  device.motor_force = Vec3::Zero();  // without power
+  device.motor_force = device.held_force = Vec3::Zero();  // without power
 }
 
 }  // namespace toothprep::stand_in

@@ -78,6 +78,7 @@ class Driver {
     DevicePose frozen;              // what a frozen device goes on reading
     Vec3 set_force = Vec3::Zero();  // in this frame
     Vec3 commanded_force = Vec3::Zero(), motor_force = Vec3::Zero();
+    Vec3 held_force = Vec3::Zero();            // by the motors while the tick lasts
     bool in_frame = false, had_frame = false;  // in this tick
     bool force_output = false, clamping = true, ramping = true, force_limit = true,
          one_frame = true;
@@ -120,6 +121,7 @@ class Driver {
   void hang_if(FaultKind kind) const;
   void finish_tick();
   void hold_for_a_tick();
+  void move_arms(long passed);
   void release_motors();
   static void unplug(Device& device);
   static StandInDevice state_of(const Device& device);

@@ -48,7 +48,7 @@ void SimulatedDevice::start(ServoClient& client) {
   if (started_) throw Error("simulated device: runs already; stop it first");
   servo_.open(client);
   first_tick_ = clock_tick_;
-  held_force_ = Vec3::Zero();
+  held_force_ = new_force_ = Vec3::Zero();
   leave_ = false;
   started_ = true;
   if (real_time_) thread_ = std::thread([this] { run_in_real_time(); });
@@ -75,10 +75,12 @@ void SimulatedDevice::run(long ticks) {
   for (long i = 0; i < ticks; ++i) {
     const long n = clock_tick_ - first_tick_;
     const double lateness = arm_.lateness(n);
-    if (arm_.misses(n))
+    if (arm_.misses(n)) {
       hold_for_a_tick();
-    else
+    } else {
       tick(static_cast<double>(n) * period_ + lateness);
+      move_arms(0);
+    }
   }
 }
 
@@ -99,13 +101,13 @@ void SimulatedDevice::run_in_real_time() noexcept {
     }
     sleep_until(start + static_cast<double>(n) * period_ + lateness);
     tick(monotonic_time() - origin);
-    const double due = start + static_cast<double>(clock_tick_ - first_tick_) * period_;
+    const double due = start + static_cast<double>(clock_tick_ + 1 - first_tick_) * period_;
     long passed = static_cast<long>((monotonic_time() - due) / period_);
     if (passed > kMostCaughtUp) {
       start += static_cast<double>(passed - kMostCaughtUp) * period_;
       passed = kMostCaughtUp;
     }
-    for (; passed > 0; --passed) hold_for_a_tick();
+    move_arms(passed);
   }
 }
 
@@ -118,12 +120,18 @@ void SimulatedDevice::tick(double time) noexcept {
   const DevicePose hand = arm_.read(arm_time());
   if (mirror_) {
     const DevicePose other = mirror_->read(arm_time());
-    held_force_ = servo_.begin_tick(time, hand, &other, fault);
+    new_force_ = servo_.begin_tick(time, hand, &other, fault);
   } else {
-    held_force_ = servo_.begin_tick(time, hand, nullptr, fault);
+    new_force_ = servo_.begin_tick(time, hand, nullptr, fault);
   }
-  hold_for_a_tick();
   servo_.end_tick();
+}
+
+// For the ticks that passed until it was over under the force from before it.
+void SimulatedDevice::move_arms(long passed) noexcept {
+  for (; passed > 0; --passed) hold_for_a_tick();
+  held_force_ = new_force_;
+  hold_for_a_tick();
 }
 
 void SimulatedDevice::hold_for_a_tick() noexcept {

@@ -55,8 +55,9 @@ class SimulatedDevice final : public HapticDevice {  // haptic_device.h
 
  private:
   void run_in_real_time() noexcept;
-  void tick(double time) noexcept;  // a reading, the client, the force, and the arms move
-  void hold_for_a_tick() noexcept;  // the arms move under the held force
+  void tick(double time) noexcept;       // a reading, the client, the force
+  void move_arms(long passed) noexcept;  // after a tick
+  void hold_for_a_tick() noexcept;       // the arms move under the held force
   double arm_time() const noexcept { return static_cast<double>(clock_tick_) * period_; }
 
   double period_;
@@ -66,7 +67,7 @@ class SimulatedDevice final : public HapticDevice {  // haptic_device.h
   DeviceIdentity identity_, mirror_identity_;
   DeviceLimits limits_;
   Servo servo_;
-  Vec3 held_force_ = Vec3::Zero();
+  Vec3 held_force_ = Vec3::Zero(), new_force_ = Vec3::Zero();
   long clock_tick_ = 0;  // of the arms, never reset: a restart goes on where they are
   long first_tick_ = 0;  // clock_tick_ at the start
   bool started_ = false;
