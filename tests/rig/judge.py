@@ -33,7 +33,9 @@ class Rules:
     most_unrecorded: int = 0  # ticks at the end that may be missing
     largest_step: float = 1.0  # mm of the handle in a tick, between readings that were believed
     largest_bur_step: float = 0.5  # mm
-    gap: float = 0.05  # s without a reading
+    gap: float = 0.05  # s without a reading: a pause
+    near: float = 0.5  # mm between readings of a hand that hasn't moved
+    longest_way: float = 0.1  # s for which a hand is taken to have gone on in a pause
 
 
 @dataclass
@@ -55,10 +57,20 @@ def read_log(path):
                rows[-1] if len(rows) else None)
 
 
-def missed_share(path, rules=Rules()):
-    """The share of the servo's ticks that the machine left out; 0 without a log."""
-    rows = read_log(path).rows if Path(path).exists() else ()
-    return 1 - len(rows) / (1 + (rows["time"][-1] - rows["time"][0]) * rules.rate_hz) if len(rows) else 0
+def withheld(log, recording, rules=Rules()):
+    """What the machine left out while the session was recorded, or of the log: the share of the servo's ticks, a gap above
+    1.5 periods rounded, and the longest time (s) without one; 0 without a log."""
+    rows = read_log(log).rows if Path(log).exists() else ()
+    if not len(rows):
+        return 0, 0
+    try:
+        with h5py.File(recording, "r", swmr=True) as file:
+            rows = rows[file["/servo/tick"][0]:file["/servo/tick"][-1] + 1]
+    except (KeyError, OSError, ValueError):
+        pass
+    gaps = np.diff(rows["time"])
+    missed = np.maximum(np.rint(gaps * rules.rate_hz) - 1, 0).sum()
+    return missed / (missed + len(rows)), gaps.max(initial=0)
 
 
 def norm(vectors):
@@ -76,11 +88,12 @@ def after(rows):
 
 
 def frozen_too_long(rows, rules):
-    """Rows whose pose has stood, to the bit, for longer than is believed."""
+    """Rows whose pose has stood, to the bit, for longer than is believed; a pause counts as the gap."""
     stands = (rows["flags"] & STANDS) != 0
     began = np.where(stands & ~after(stands), np.arange(len(rows)), -1)
     began = np.maximum.accumulate(began)
-    since = rows["time"] - rows["time"][np.maximum(began, 0)]
+    time = np.cumsum(np.minimum(np.diff(rows["time"], prepend=rows["time"][0]), rules.gap))
+    since = time - time[np.maximum(began, 0)]
     return stands & (since > rules.frozen_after + 0.01)
 
 
@@ -255,10 +268,25 @@ def step_findings(file, n, logged, rules):
 
 
 def near_a_cause(logged, wrong, rules):
-    """Rows in which a rejection may begin: a wrong reading, one after a pause, or the first after the pose stood."""
+    """Rows in which a rejection may begin: a wrong reading, a hand that is elsewhere after a pause, or the first after the
+    pose stood."""
     stands = (logged["flags"] & STANDS) != 0
-    paused = np.diff(logged["time"], prepend=logged["time"][0]) > rules.gap
-    return wrong | paused | after(stands) | after(paused)
+    return wrong | elsewhere(logged, rules) | after(stands)
+
+
+def elsewhere(logged, rules):
+    """Rows after a pause, the second if the first may be as old as the pause, of a hand that is farther from where it was
+    than it would have gone on."""
+    position, time = logged["position"], logged["time"]
+    paused = np.diff(time, prepend=time[0]) > rules.gap
+    rows = np.zeros(len(logged), bool)
+    for i in np.flatnonzero(paused | after(paused)):
+        last = i - 1 if paused[i] else i - 2
+        earlier = max(0, last - 20)
+        speed = norm(position[last] - position[earlier]) / (time[last] - time[earlier]) if last > earlier else 0
+        went_on = rules.near + speed * min(time[i] - time[last], rules.longest_way)
+        rows[i] = not norm(position[i] - position[last]) <= went_on
+    return rows
 
 
 def findings(log_path, recording_path, rules):

@@ -163,6 +163,30 @@ class JudgeTest(unittest.TestCase):
             data["/removed/volume"][100:, 0] -= 1e-4
         self.assert_found("a good reading was rejected at tick 120", self.found(record=reject))
 
+    def test_a_hand_that_is_rejected_after_a_pause_is_elsewhere(self):
+        """Moved by so much in the first reading after a pause of 60 ms, or in the second."""
+        for first, then, wrong in ((0.06, 0, True), (0, 0.06, True), (0.5, 0, True), (0, 0.5, True), (0.6, 0, False),
+                                   (0, 0.6, False)):
+            rows = good_rows()
+            rows["time"][700:] += 0.06
+            rows["position"][700:, 2] += first
+            rows["position"][701:, 2] += then
+            at = 700 if first else 701
+
+            def reject(data):
+                data["/reading_rejected"][at - FIRST] = 1
+                data["/servo/flags"][at - FIRST] = 128
+                data["/bur/position"][at - FIRST] = data["/bur/position"][at - FIRST - 1]
+                data["/removed/volume"][at - FIRST:, 0] -= 1e-4
+            found = self.found(rows, record=reject)
+            self.assertEqual(any(f"a good reading was rejected at tick {at}" in line for line in found), wrong, found)
+
+    def test_a_pause_does_not_make_a_pose_stand(self):
+        rows = good_rows()
+        rows["flags"][BEGAN:BEGAN + 100] |= STANDS
+        rows["time"][BEGAN + 50:] += 1
+        self.assertFalse(any("stands" in line for line in self.found(rows)))
+
     def test_flags_that_differ(self):
         self.assert_found("differ", self.found(record=lambda data: data["/servo/flags"].__setitem__(3, 128)))
 
@@ -205,10 +229,26 @@ class JudgeTest(unittest.TestCase):
     def test_a_machine_that_gave_a_session_too_few_ticks_shows_in_the_log(self):
         rows = good_rows()
         self.write(rows)
-        self.assertAlmostEqual(judge.missed_share(self.log), 0, delta=1e-9)
-        self.write(np.delete(rows, slice(400, 520)))
-        self.assertAlmostEqual(judge.missed_share(self.log), 0.1, delta=1e-9)
-        self.assertEqual(judge.missed_share(self.log.with_name("none.log")), 0)
+        self.assert_withheld(0, 1)
+        rows["time"][FIRST:] += 10  # before the session began
+        rows["time"][END + 1:] += 10  # after its last row
+        self.assert_withheld(0, 1, rows)
+        rows["time"][400:] += 0.12
+        self.assert_withheld(0.12 / (0.12 + 1e-3 * (END + 1 - FIRST)), 121, rows)
+        self.recording.unlink()
+        share, longest = judge.withheld(self.log, self.recording)
+        self.assertAlmostEqual(longest, 10.001)
+        self.assertAlmostEqual(share, 1 - 1200 / 21320)
+        rows = good_rows()
+        rows["time"][30::20] += 6e-4  # 1.6 ms and 0.4 ms
+        self.assert_withheld(54 / (54 + END + 1 - FIRST), 1.6, rows)
+        self.assertEqual(judge.withheld(self.log.with_name("none.log"), self.recording), (0, 0))
+
+    def assert_withheld(self, share, longest_ms, rows=None):
+        self.write(good_rows() if rows is None else rows)
+        found = judge.withheld(self.log, self.recording)
+        self.assertAlmostEqual(found[0], share)
+        self.assertAlmostEqual(1e3 * found[1], longest_ms)
 
 
 if __name__ == "__main__":
