@@ -276,30 +276,43 @@ void CreaseVertices::flip_folded(std::vector<std::size_t> folded, const LooksWel
   }
 }
 
-// `triangles`: in their order.
-CreaseVertices::Bad CreaseVertices::bad_among(const std::vector<std::size_t>& triangles,
-                                              const Neighbours& neighbours,
-                                              const LooksWell& looks_well) const {
-  const auto place_of = [&](std::size_t t) {  // among those that changed, or their number
-    if (!is_changed(t)) return triangles.size();
-    const auto at = std::lower_bound(triangles.begin(), triangles.end(), t);
-    const bool found = at != triangles.end() && *at == t;
-    return static_cast<std::size_t>((found ? at : triangles.end()) - triangles.begin());
-  };
-  Bad bad(triangles.size()), crossed(triangles.size());
+// At these and at what they cross. Of pairs those count of which one is changed.
+void CreaseVertices::look_at(const std::vector<std::size_t>& triangles,
+                             const Neighbours& neighbours, const LooksWell& looks_well,
+                             Seen& seen) const {
+  std::vector<bool> among(mesh_.triangles.size());
+  for (const std::size_t t : triangles) among[t] = true;
+  std::erase_if(seen.crossing, [&](const auto& p) { return among[p[0]] || among[p[1]]; });
+  seen.elsewhere.resize(mesh_.triangles.size());
+  std::vector<std::vector<std::size_t>> crossed(triangles.size());
   tbb::parallel_for(std::size_t{0}, triangles.size(), [&](std::size_t k) {
     const std::size_t t = triangles[k];
-    if (!is_changed(t)) return;
-    if (!looks_well(t, normal(mesh_.triangles[t]))) bad[k] = {t};
+    const bool changed = is_changed(t);
+    seen.elsewhere[t] = changed && !looks_well(t, normal(mesh_.triangles[t]));
     for (const std::size_t other : neighbours.of(t)) {
-      const bool has_its_turn = other < t && place_of(other) < triangles.size();
-      if (!has_its_turn && cross(mesh_, t, other)) crossed[k].push_back(other);
+      const bool has_its_turn = other < t && among[other];
+      if (!has_its_turn && (changed || is_changed(other)) && cross(mesh_, t, other))
+        crossed[k].push_back(other);
     }
   });
   for (std::size_t k = 0; k < triangles.size(); ++k)
-    for (const std::size_t other : crossed[k])
-      for (const std::size_t at : {k, place_of(other)})
-        if (at < triangles.size()) bad[at].insert(bad[at].end(), {triangles[k], other});
+    for (const std::size_t other : crossed[k]) seen.crossing.push_back({triangles[k], other});
+}
+
+CreaseVertices::Bad CreaseVertices::bad_among(const std::vector<std::size_t>& triangles,
+                                              const Seen& seen) const {
+  std::vector<std::size_t> place(mesh_.triangles.size(), triangles.size());
+  Bad bad(triangles.size());
+  for (std::size_t k = 0; k < triangles.size(); ++k) {
+    const std::size_t t = triangles[k];
+    if (!is_changed(t)) continue;
+    place[t] = k;
+    if (seen.elsewhere[t]) bad[k] = {t};
+  }
+  for (const auto& pair : seen.crossing)
+    for (const std::size_t t : pair)
+      if (place[t] < bad.size())
+        bad[place[t]].insert(bad[place[t]].end(), pair.begin(), pair.end());
   std::erase_if(bad, [](const auto& its) { return its.empty(); });
   return bad;
 }
@@ -371,25 +384,33 @@ CreaseVertices::Bad CreaseVertices::try_to_place(const LooksWell& looks_well,
   };
   flip_folded(moved_triangles(), looks_well, may_flip, false);
   find_neighbours();
-  Bad bad = bad_among(all, *neighbours, looks_well);
+  Seen seen;
+  look_at(all, *neighbours, looks_well, seen);
+  Bad bad = bad_among(all, seen);
   if (bad.empty()) return bad;
   const std::vector<bool> there = corners_of(bad);
   std::erase_if(all, [&](std::size_t t) {
     const auto& c = mesh_.triangles[t];
     return !(there[c[0]] || there[c[1]] || there[c[2]]);
   });
+  const auto unflipped = mesh_.triangles;
   flip_folded(all, looks_well, may_flip, true);
   find_neighbours();
+  std::vector<std::size_t> flipped;
+  for (std::size_t t = 0; t < unflipped.size(); ++t)
+    if (mesh_.triangles[t] != unflipped[t]) flipped.push_back(t);
+  look_at(flipped, *neighbours, looks_well, seen);
   for (std::vector<std::size_t> changed = all;;) {
-    bad = bad_among(changed, *neighbours, looks_well);
+    bad = bad_among(changed, seen);
     const std::vector<Eigen::Vector3f> before = mesh_.vertices;
-    if (!move_back(bad)) return bad_among(all, *neighbours, looks_well);
+    if (!move_back(bad)) return bad_among(all, seen);
     put_all();
     changed.clear();
     for (const std::size_t t : all)
       if (std::any_of(mesh_.triangles[t].begin(), mesh_.triangles[t].end(),
                       [&](std::uint32_t v) { return mesh_.vertices[v] != before[v]; }))
         changed.push_back(t);
+    look_at(changed, *neighbours, looks_well, seen);
   }
 }
 

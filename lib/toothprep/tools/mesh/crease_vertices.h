@@ -55,9 +55,15 @@ class CreaseVertices {
   bool is_on_line(std::size_t triangle) const;
   void flip_folded(std::vector<std::size_t> folded, const LooksWell& looks_well,
                    const MayFlip& may_flip, bool lines_count);
-  using Bad = std::vector<std::vector<std::size_t>>;  // triangles that cross or look elsewhere
-  Bad bad_among(const std::vector<std::size_t>& triangles, const Neighbours& neighbours,
-                const LooksWell& looks_well) const;
+  struct Seen {  // of the triangles as they were when they were last looked at
+    std::vector<std::uint8_t> elsewhere;               // whether each looks elsewhere
+    std::vector<std::array<std::size_t, 2>> crossing;  // pairs that cross
+  };
+  void look_at(const std::vector<std::size_t>& triangles, const Neighbours& neighbours,
+               const LooksWell& looks_well, Seen& seen) const;
+  // Of each triangle that crosses or looks elsewhere, it and what it crosses.
+  using Bad = std::vector<std::vector<std::size_t>>;
+  Bad bad_among(const std::vector<std::size_t>& triangles, const Seen& seen) const;
   std::vector<bool> corners_of(const Bad& bad) const;  // of vertices, whether they are
   bool move_back(const Bad& bad);
   Bad try_to_place(const LooksWell& looks_well, const MayFlip& may_flip);
