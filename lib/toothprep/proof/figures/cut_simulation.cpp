@@ -39,25 +39,66 @@ LayeredTooth block_for(const Cut& cut) {
   return make_block(o);
 }
 
+CutResult simulate_in(const LayeredTooth& tooth, const Cut& cut, const Parameters& parameters) {
+  const Parameters p = parameters_for(cut, parameters);
+  const double radius = cut.diameter / 2;
+  const Bur bur = make_bur(fmt::format("cylinder:D{}xL{}", cut.diameter, cut.length + 1), "");
+  Workpiece workpiece(tooth);
+  const bool face = cut.geometry == CutGeometry::kFace;
+  HandleSample sample;
+  sample.pose.position.y() = face ? radius : -radius - kMargin;
+  sample.load = Vec3(0, -cut.load, 0);
+  const double start = sample.pose.position.y(), way = face ? cut.depth : kWay;
+  Session session(bur, workpiece, p, cut.load > 0 ? Drive::kLoad : Drive::kDirect, sample);
+  CutResult r;
+  r.free_rate = p.handpiece.rotation_rate;
+  StepRecord row = session.initial();
+  int steps = 0;
+  while (steps < kMostSteps && start - row.bur.position.y() < way) {
+    sample.time = ++steps * p.time_step;
+    sample.pose.position.y() = start - cut.feed * sample.time;
+    row = session.step(sample);
+    r.force_along += row.grinding_force.y();
+    r.tangential += row.torque / radius;
+    r.normal += std::sqrt(std::max(
+        0.0, row.grinding_force.squaredNorm() - row.torque * row.torque / (radius * radius)));
+    r.torque += row.torque;
+    r.rotation_rate += row.rotation_rate;
+    if (row.stalled && steps >= kStepsToStall) break;
+  }
+  session.finish(row);
+  r.stalled = row.stalled;
+  if (r.stalled) return {true, 0, 0, 0, 0, 0, 0, 0, r.free_rate, 0};
+  const double time = steps * p.time_step;
+  r.feed = (start - row.bur.position.y()) / time;
+  r.removal_rate = row.removed_volume[tissue_index(cut.tissue)] / time;
+  for (double* sum : {&r.force_along, &r.tangential, &r.normal, &r.torque, &r.rotation_rate})
+    *sum /= steps;
+  const double energy = p.tissue[tissue_index(cut.tissue)].specific_energy * r.removal_rate * time;
+  r.energy_ratio = session.totals().torque_work / energy;
+  return r;
+}
+
 // The load above which the bur stalls, N; infinite without a stall torque.
-double stall_load(Cut cut, const Parameters& parameters) {
+double stall_load(const LayeredTooth& tooth, Cut cut, const Parameters& parameters) {
   if (!std::isfinite(parameters_for(cut, parameters).handpiece.stall_torque))
     return std::numeric_limits<double>::infinity();
   double low = 0, high = 64;
   for (int i = 0; i < 14; ++i) {
     cut.load = (low + high) / 2;
-    (simulate_cut(cut, parameters).stalled ? high : low) = cut.load;
+    (simulate_in(tooth, cut, parameters).stalled ? high : low) = cut.load;
   }
   return low;
 }
 
 // Over loads up to the stall: the speed at the greatest power, of the free one.
 double peak_power_speed(Cut cut, const Parameters& parameters) {
-  const double most = stall_load(cut, parameters);
+  const LayeredTooth tooth = block_for(cut);  // whatever the load
+  const double most = stall_load(tooth, cut, parameters);
   double power = 0, speed = 0;
   for (int i = 1; i < kPowerPoints; ++i) {
     cut.load = most * i / kPowerPoints;
-    const CutResult r = simulate_cut(cut, parameters);
+    const CutResult r = simulate_in(tooth, cut, parameters);
     if (r.stalled || r.torque * r.rotation_rate <= power) continue;
     power = r.torque * r.rotation_rate;
     speed = r.rotation_rate / r.free_rate;
@@ -109,44 +150,7 @@ Parameters parameters_for(const Cut& cut, const Parameters& parameters) {
 }
 
 CutResult simulate_cut(const Cut& cut, const Parameters& parameters) {
-  const Parameters p = parameters_for(cut, parameters);
-  const double radius = cut.diameter / 2;
-  const Bur bur = make_bur(fmt::format("cylinder:D{}xL{}", cut.diameter, cut.length + 1), "");
-  const LayeredTooth tooth = block_for(cut);
-  Workpiece workpiece(tooth);
-  const bool face = cut.geometry == CutGeometry::kFace;
-  HandleSample sample;
-  sample.pose.position.y() = face ? radius : -radius - kMargin;
-  sample.load = Vec3(0, -cut.load, 0);
-  const double start = sample.pose.position.y(), way = face ? cut.depth : kWay;
-  Session session(bur, workpiece, p, cut.load > 0 ? Drive::kLoad : Drive::kDirect, sample);
-  CutResult r;
-  r.free_rate = p.handpiece.rotation_rate;
-  StepRecord row = session.initial();
-  int steps = 0;
-  while (steps < kMostSteps && start - row.bur.position.y() < way) {
-    sample.time = ++steps * p.time_step;
-    sample.pose.position.y() = start - cut.feed * sample.time;
-    row = session.step(sample);
-    r.force_along += row.grinding_force.y();
-    r.tangential += row.torque / radius;
-    r.normal += std::sqrt(std::max(
-        0.0, row.grinding_force.squaredNorm() - row.torque * row.torque / (radius * radius)));
-    r.torque += row.torque;
-    r.rotation_rate += row.rotation_rate;
-    if (row.stalled && steps >= kStepsToStall) break;
-  }
-  session.finish(row);
-  r.stalled = row.stalled;
-  if (r.stalled) return {true, 0, 0, 0, 0, 0, 0, 0, r.free_rate, 0};
-  const double time = steps * p.time_step;
-  r.feed = (start - row.bur.position.y()) / time;
-  r.removal_rate = row.removed_volume[tissue_index(cut.tissue)] / time;
-  for (double* sum : {&r.force_along, &r.tangential, &r.normal, &r.torque, &r.rotation_rate})
-    *sum /= steps;
-  const double energy = p.tissue[tissue_index(cut.tissue)].specific_energy * r.removal_rate * time;
-  r.energy_ratio = session.totals().torque_work / energy;
-  return r;
+  return simulate_in(block_for(cut), cut, parameters);
 }
 
 Prediction predict(const CuttingTest& test, const std::vector<Cut>& cuts,
@@ -168,7 +172,7 @@ Prediction predict(const CuttingTest& test, const std::vector<Cut>& cuts,
   for (const Cut& cut : cuts) {
     const bool droops = parameters_for(cut, parameters).handpiece.model == HandpieceModel::kDroop;
     if (test.quantity == Quantity::kStallLoad) {
-      take(stall_load(cut, parameters));
+      take(stall_load(block_for(cut), cut, parameters));
     } else if (test.quantity == Quantity::kPeakPowerSpeed) {
       if (droops) take(peak_power_speed(cut, parameters));
     } else if (test.quantity != Quantity::kSpeedLoss || droops) {
