@@ -141,6 +141,42 @@ TEST(VoxelEngine, ContactDependsOnThePlaceOfTheBurNotOnItsWay) {
     }
 }
 
+TEST(VoxelEngine, ContactIsThatOfTheCutWhoeverCutsIt) {
+  const LayeredTooth tooth = block(0.1, 4, Vec3(3, 4, 5));
+  const Bur bur = paper_cylinder();
+  Workpiece workpiece(tooth);
+  const Vec3 down(0, -0.5, 0);
+  Pose pose;
+  pose.position = Vec3(0, 0.1, -1.5);
+  VoxelEngine engine(bur, workpiece, voxel_parameters(), pose);
+  engine.sample(pose, down, Vec3::Zero());
+  const int before = engine.contact().size();
+  const auto met = [&](const Pose& at) {
+    int count = 0;
+    engine.for_met(at, [&](std::size_t, int, int) { ++count; });
+    return count;
+  };
+  EXPECT_GT(before, 0);
+  EXPECT_EQ(met(pose), before);
+  // Another one, half a bur deeper.
+  Pose deeper = pose;
+  deeper.position.y() -= 0.6;
+  VoxelEngine(bur, workpiece, voxel_parameters(), deeper).clear(deeper);
+  const int left = met(pose);
+  EXPECT_LT(left, before);
+  EXPECT_EQ(engine.contact().size(), before);  // of the last sample()
+  Pose away = pose;
+  away.position.y() += 2;
+  EXPECT_EQ(met(away), 0);
+  engine.sample(pose, down, Vec3::Zero());
+  EXPECT_EQ(engine.contact().size(), left);
+  VoxelEngine fresh(bur, workpiece, voxel_parameters(), pose);
+  fresh.sample(pose, down, Vec3::Zero());
+  EXPECT_EQ(fresh.contact().size(), left);
+  EXPECT_EQ(engine.contact().response(down, Vec3::Zero(), 1).B,
+            fresh.contact().response(down, Vec3::Zero(), 1).B);
+}
+
 TEST(VoxelEngine, ReplayTwiceGivesTheSameBits) {
   const LayeredTooth tooth = block(0.1, 1, Vec3(4, 4, 4));
   const auto path = straight_path({Vec3(0.02, 0.7, -1.5), Vec3(0.4, -2, -1.3)}, 1.0);

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "toothprep/step/grinding/deep_voxels.h"
-#include "toothprep/step/grinding/voxel_at.h"
 
 namespace toothprep::figures {
 OneLayerEngine::OneLayerEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
@@ -12,8 +11,8 @@ OneLayerEngine::OneLayerEngine(const Bur& bur, Workpiece& workpiece, const Param
     : bur_(bur),
       workpiece_(workpiece),
       contact_(bur, workpiece, parameters, pose),
-      surface_(layers == Layers::kMet ? contact_.contact_points() : std::vector<Vec3>{}),
-      deep_(layers == Layers::kMet ? workpiece.voxel() : 0) {}
+      met_(layers == Layers::kMet),
+      deep_(met_ ? workpiece.voxel() : 0) {}
 
 PerTissue<double> OneLayerEngine::clear(const Pose& pose) {
   contact_.clear(pose);
@@ -30,20 +29,14 @@ void OneLayerEngine::remove_voxel(std::size_t brick, int voxel, std::uint8_t lab
 }
 
 void OneLayerEngine::remove_at(const Pose& pose) noexcept {
-  const LabelGrid& labels = workpiece_.tooth().tissue;
-  const LevelSet& cut = workpiece_.cut();  // over the same bricks
+  const LevelSet& cut = workpiece_.cut();  // over the labels' bricks
   const Vec3 tip = workpiece_.lattice().to_index(pose.position);
   if (!(tip.cwiseAbs().maxCoeff() < 1e6)) return;  // a bur that was thrown out
-  const Mat3 to_index = pose.orientation.toRotationMatrix() / workpiece_.voxel();
-  for (const Vec3& point : surface_) {
-    const Index3 v = voxel_at(tip + to_index * point + Vec3::Constant(0.5));
-    const std::int64_t index = labels.brick_index(v.x(), v.y(), v.z());
-    if (index < 0) continue;
-    const auto brick = static_cast<std::size_t>(index);
-    const int voxel = brick_offset(v.x() & 7, v.y() & 7, v.z() & 7);
-    const std::uint8_t label = labels.brick(brick)[voxel];
-    if (label != 0 && cut.brick(brick)[voxel] <= 0) remove_voxel(brick, voxel, label);
-  }
+  if (met_)
+    contact_.for_met(pose, [&](std::size_t brick, int voxel, int tissue) {
+      if (cut.brick(brick)[voxel] <= 0)
+        remove_voxel(brick, voxel, static_cast<std::uint8_t>(tissue + 1));
+    });
   for_deep_voxels(bur_, workpiece_, pose, deep_,
                   [&](std::size_t brick, int voxel, const Index3&, std::uint8_t label) {
                     remove_voxel(brick, voxel, label);

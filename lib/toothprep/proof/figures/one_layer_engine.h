@@ -5,8 +5,6 @@
 // Contact is the voxel engine's own. What the cut looks like afterwards (finish()) isn't made.
 #pragma once
 
-#include <vector>
-
 #include "toothprep/proof/figures/ablation.h"
 #include "toothprep/step/grinding/voxel_engine.h"
 
@@ -37,8 +35,8 @@ class OneLayerEngine final : public GrindingEngine {
   const Bur& bur_;
   Workpiece& workpiece_;
   VoxelEngine contact_;
-  std::vector<Vec3> surface_;  // mm, B; empty for kInside
-  double deep_;                // mm: what lies deeper in the bur is removed
+  bool met_;     // whether what its surface meets is removed
+  double deep_;  // mm: what lies deeper in the bur is removed
   PerTissue<double> removed_{};
 };
 

@@ -17,12 +17,16 @@ class ChangedBricks {  // each at most once in the queue; for one thread
 
   // The brick's values are about to change, or have just changed.
   void mark(std::size_t brick) noexcept {
+    ++changes_;
     if (waits_[brick]) return;
     waits_[brick] = 1;
     queue_[back_] = static_cast<std::uint32_t>(brick);
     if (++back_ == queue_.size()) back_ = 0;
     ++marked_;
   }
+
+  // Calls of mark() so far: the cut is as it was while this is.
+  std::uint64_t changes() const noexcept { return changes_; }
 
   // Entries so far, and of these those taken: entry number n is the (n - taken())th that waits.
   std::uint64_t marked() const noexcept { return marked_; }
@@ -43,7 +47,7 @@ class ChangedBricks {  // each at most once in the queue; for one thread
   std::vector<std::uint8_t> waits_;   // per brick: is it in the queue?
   std::vector<std::uint32_t> queue_;  // a ring
   std::size_t front_ = 0, back_ = 0;
-  std::uint64_t marked_ = 0, taken_ = 0;
+  std::uint64_t marked_ = 0, taken_ = 0, changes_ = 0;
 };
 
 }  // namespace toothprep

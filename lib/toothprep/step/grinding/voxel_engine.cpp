@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "toothprep/step/core/errors.h"
@@ -22,6 +23,10 @@ using Cell = std::array<int, 3>;
 
 Vec3 centre_of(const Cell& c, double pitch) {
   return pitch * Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5);
+}
+
+bool within(const Vec3& way, const Vec3& until) {  // not if anything is NaN
+  return way.x() < until.x() && way.y() < until.y() && way.z() < until.z();
 }
 
 double distance_at(const Bur& bur, const Vec3& x) {
@@ -67,6 +72,44 @@ ContactSet::Element element_at(const Vec3& position, const Vec3& normal, const V
           f(tangent.x()), f(tangent.y()), f(weight),     f(area / weight), f(area)};
 }
 
+constexpr int kReach = 3;                       // voxels: to where distances are found
+constexpr int kSide = kBrickEdge + 2 * kReach;  // of a brick and what is around it
+constexpr std::uint8_t kBeyond = 100;           // the square of a distance that is beyond
+using Squares = std::array<std::uint8_t, kSide * kSide * kSide>;
+
+// Of squares of distances to the nearest along some axes, in voxels, those along another one too:
+// that on which neighbours are `stride` apart. Right as far as a brick and what is left around it.
+void look_along(int stride, Squares& squares) {
+  const Squares from = squares;
+  for (int i = kReach * stride; i < static_cast<int>(from.size()) - kReach * stride; ++i) {
+    std::uint8_t least = from[i];
+    for (int d = 1; d <= kReach; ++d)
+      least = std::min(least, static_cast<std::uint8_t>(
+                                  std::min(from[i - d * stride], from[i + d * stride]) + d * d));
+    squares[i] = least;
+  }
+}
+
+// Per voxel of a brick and around it the square of the distance to the nearest one that is gone, or
+// that is there, right in the brick. `bricks`: the brick in the middle and its neighbours, z
+// fastest; null: all is there.
+Squares squares_to(bool gone, const std::array<const float*, 27>& bricks) {
+  constexpr int kBefore = kBrickEdge - kReach;
+  Squares squares;
+  std::size_t at = 0;
+  for (int x = kBefore; x < kBefore + kSide; ++x)
+    for (int y = kBefore; y < kBefore + kSide; ++y)
+      for (int z = kBefore; z < kBefore + kSide; ++z, ++at) {
+        const float* brick = bricks[9 * (x >> 3) + 3 * (y >> 3) + (z >> 3)];
+        const bool is_gone = brick && brick[brick_offset(x & 7, y & 7, z & 7)] > 0;
+        squares[at] = is_gone == gone ? 0 : kBeyond;
+      }
+  look_along(1, squares);
+  look_along(kSide, squares);
+  look_along(kSide * kSide, squares);
+  return squares;
+}
+
 }  // namespace
 
 VoxelEngine::VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters& parameters,
@@ -79,6 +122,8 @@ VoxelEngine::VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters&
   share_surface_out(bur, parameters.handpiece.clockwise);
   turned_.resize(samples_.size());
   places_.resize(samples_.size());
+  group_until_.resize((samples_.size() + kGroup - 1) / kGroup, Vec3::Zero());
+  met_.resize(samples_.size(), kNoTissue);
   contact_ = ContactSet(samples_.size(), parameters.tissue, parameters.trailing_elements);
 }
 
@@ -139,13 +184,6 @@ void VoxelEngine::share_surface_out(const Bur& bur, bool clockwise) {
   }
 }
 
-std::vector<Vec3> VoxelEngine::contact_points() const {
-  std::vector<Vec3> points;
-  points.reserve(samples_.size());
-  for (const BoundarySample& sample : samples_) points.push_back(sample.surface_point);
-  return points;
-}
-
 // In a step the tip moves by a small part of a voxel, so most points stay in their voxels: each is
 // looked for again when the tip may have moved far enough for it to leave.
 void VoxelEngine::follow(const Pose& pose) noexcept {
@@ -169,11 +207,21 @@ void VoxelEngine::follow(const Pose& pose) noexcept {
   // More than any rounding, so that it grows with every move; NaN stays.
   for (int a = 0; a < 3; ++a)
     if (by[a] != 0) way_[a] += std::abs(by[a]) + kWayRounding;
-  for (std::size_t i = 0; i < samples_.size(); ++i) {
-    const Vec3& until = places_[i].until;
-    if (anew || !(way_.x() < until.x() && way_.y() < until.y() && way_.z() < until.z()))
+  for (std::size_t group = 0; group < group_until_.size(); ++group)
+    if (anew || !within(way_, group_until_[group])) follow_group(group, anew);
+}
+
+void VoxelEngine::follow_group(std::size_t group, bool anew) noexcept {
+  const std::size_t end = std::min((group + 1) * kGroup, samples_.size());
+  Vec3 least = Vec3::Constant(std::numeric_limits<double>::infinity());
+  for (std::size_t i = group * kGroup; i < end; ++i) {
+    if (anew || !within(way_, places_[i].until)) {
       find_place(i);
+      see(i);
+    }
+    least = least.cwiseMin(places_[i].until);
   }
+  group_until_[group] = least;
 }
 
 void VoxelEngine::find_place(std::size_t sample) noexcept {
@@ -199,16 +247,34 @@ void VoxelEngine::find_place(std::size_t sample) noexcept {
   place.tissue = static_cast<std::int16_t>(label - 1);
 }
 
-void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
-  contact_.clear();
-  follow(pose);
+// What the sample meets in its place.
+void VoxelEngine::see(std::size_t sample) noexcept {
   const LevelSet& cut = workpiece_.cut();  // over the same bricks as the labels
-  for (std::size_t i = 0; i < samples_.size(); ++i) {
-    const Place& place = places_[i];
-    if (place.brick < 0 || cut.brick(static_cast<std::size_t>(place.brick))[place.voxel] > 0)
-      continue;
-    contact_.add(samples_[i].element, place.tissue, 1);
-  }
+  const Place& place = places_[sample];
+  std::int8_t met = kNoTissue;
+  if (place.brick >= 0 && !(cut.brick(static_cast<std::size_t>(place.brick))[place.voxel] > 0))
+    met = static_cast<std::int8_t>(place.tissue);
+  if (met == met_[sample]) return;
+  met_[sample] = met;
+  stale_ = true;
+}
+
+void VoxelEngine::look(const Pose& pose) noexcept {
+  follow(pose);
+  const std::uint64_t changes = workpiece_.changed().changes();
+  if (changes != cut_seen_)
+    for (std::size_t i = 0; i < samples_.size(); ++i) see(i);
+  cut_seen_ = changes;
+}
+
+// Most steps meet what the one before met.
+void VoxelEngine::sample(const Pose& pose, const Vec3&, const Vec3&) noexcept {
+  look(pose);
+  if (!stale_) return;
+  stale_ = false;
+  contact_.clear();
+  for (std::size_t i = 0; i < samples_.size(); ++i)
+    if (met_[i] != kNoTissue) contact_.add(samples_[i].element, met_[i], 1);
 }
 
 double VoxelEngine::way(const Pose& from, const Pose& to) const noexcept {
@@ -284,61 +350,40 @@ void VoxelEngine::redistance() noexcept {
   LevelSet& cut = workpiece_.cut();
   const float band = workpiece_.band();
   const auto voxel = static_cast<float>(workpiece_.voxel());
-  constexpr int kReach = 3, kSide = kBrickEdge + 2 * kReach;  // of a brick and what is around it
-  const auto place = [](int x, int y, int z) { return (x * kSide + y) * kSide + z; };
-  struct Neighbour {
-    int away;  // between their places
-    float distance;
-  };
-  std::array<Neighbour, (2 * kReach + 1) * (2 * kReach + 1) * (2 * kReach + 1) - 1> neighbours;
-  std::size_t n = 0;
-  for (int x = -kReach; x <= kReach; ++x)
-    for (int y = -kReach; y <= kReach; ++y)
-      for (int z = -kReach; z <= kReach; ++z)
-        if (x || y || z)
-          neighbours[n++] = {place(x, y, z),
-                             voxel * (std::sqrt(static_cast<float>(x * x + y * y + z * z)) - 0.5f)};
-  std::stable_sort(neighbours.begin(), neighbours.end(),
-                   [](const Neighbour& a, const Neighbour& b) { return a.distance < b.distance; });
+  std::array<float, kBeyond + 1> distance;  // by its square in voxels
+  for (int square = 0; square <= kBeyond; ++square)
+    distance[square] = std::min(band, voxel * (std::sqrt(static_cast<float>(square)) - 0.5f));
+  distance[kBeyond] = band;
   // Bricks with a voxel gone, and their neighbours: the signs never change, so it works in place.
   const std::size_t bricks = cut.table_size();
   for (std::size_t b = 0; b < bricks; ++b) {
     const LevelSet& solid = workpiece_.tooth().solid;
     if (solid.is_uniform(b) && solid.uniform_value(b) > 0) continue;
     const Index3 origin = cut.brick_origin(b);
+    std::array<const float*, 27> around;  // null: as nothing was cut
     bool near = false;
-    for (int c = 0; c < 27 && !near; ++c) {
+    for (int c = 0; c < 27; ++c) {
       const std::int64_t beside =
           cut.brick_index(origin.x() + 8 * (c / 9 - 1), origin.y() + 8 * (c / 3 % 3 - 1),
                           origin.z() + 8 * (c % 3 - 1));
-      near = beside >= 0 && !cut.is_uniform(static_cast<std::size_t>(beside));
+      around[c] = beside < 0 ? nullptr : cut.brick(static_cast<std::size_t>(beside));
+      near = near || (beside >= 0 && !cut.is_uniform(static_cast<std::size_t>(beside)));
     }
     if (!near) continue;
-    std::array<bool, kSide * kSide * kSide> is_gone;
-    for (int x = 0; x < kSide; ++x)
-      for (int y = 0; y < kSide; ++y)
-        for (int z = 0; z < kSide; ++z)
-          is_gone[static_cast<std::size_t>(place(x, y, z))] =
-              cut.value(origin.x() + x - kReach, origin.y() + y - kReach, origin.z() + z - kReach) >
-              0;
+    const Squares to_gone = squares_to(true, around), to_there = squares_to(false, around);
     float* values = nullptr;
     for (int v = 0; v < kBrickVoxels; ++v) {
-      const int at = place((v >> 6) + kReach, ((v >> 3) & 7) + kReach, (v & 7) + kReach);
-      const bool gone = is_gone[static_cast<std::size_t>(at)];
-      float distance = band;
-      for (const Neighbour& k : neighbours) {
-        if (k.distance >= band) break;
-        if (is_gone[static_cast<std::size_t>(at + k.away)] == gone) continue;
-        distance = k.distance;
-        break;
-      }
-      if (!gone && distance == band && cut.is_uniform(b)) continue;
+      const auto at = static_cast<std::size_t>(
+          (((v >> 6) + kReach) * kSide + ((v >> 3) & 7) + kReach) * kSide + (v & 7) + kReach);
+      const bool is_gone = to_gone[at] == 0;
+      const float away = distance[std::max(to_gone[at], to_there[at])];
+      if (!is_gone && away == band && cut.is_uniform(b)) continue;
       if (!values) {
         values = cut.writable_brick(b, false);
         if (!values) break;
         workpiece_.changed().mark(b);
       }
-      values[v] = gone ? distance : -distance;
+      values[v] = is_gone ? away : -away;
     }
   }
 }

@@ -48,8 +48,15 @@ class VoxelEngine final : public GrindingEngine {
   void finish(const Pose& pose) noexcept override;
   const PerTissue<double>& removed() const noexcept override { return removed_; }
 
-  // Where contact is sampled, mm, B: one point of the surface per boundary voxel.
-  std::vector<Vec3> contact_points() const;
+  // Calls found(brick, voxel in it, tissue) for each boundary voxel that meets tissue with the bur at
+  // `pose`; several may meet the same. What contact() returns stays that of the last sample().
+  template <class Found>
+  void for_met(const Pose& pose, const Found& found) noexcept {
+    look(pose);
+    for (std::size_t i = 0; i < met_.size(); ++i)
+      if (met_[i] != kNoTissue)
+        found(static_cast<std::size_t>(places_[i].brick), places_[i].voxel, met_[i]);
+  }
 
  private:
   // A boundary voxel.
@@ -64,12 +71,17 @@ class VoxelEngine final : public GrindingEngine {
     std::int16_t voxel = 0;     // in the brick
     std::int16_t tissue = 0;    // its index
   };
+  static constexpr std::size_t kGroup = 64;  // samples that are looked after together
+  static constexpr std::int8_t kNoTissue = -1;
   struct Ways {  // along an axis
     bool down = false, up = false;
   };
   void share_surface_out(const Bur& bur, bool clockwise);
+  void look(const Pose& pose) noexcept;
   void follow(const Pose& pose) noexcept;
+  void follow_group(std::size_t group, bool anew) noexcept;
   void find_place(std::size_t sample) noexcept;
+  void see(std::size_t sample) noexcept;
   double way(const Pose& from, const Pose& to) const noexcept;
   void sweep(const Pose& to) noexcept;
   void remove_at(const Pose& pose) noexcept;
@@ -79,12 +91,16 @@ class VoxelEngine final : public GrindingEngine {
   Workpiece& workpiece_;
   double arm_;  // mm, the longest of the head
   std::vector<BoundarySample> samples_;
-  std::vector<Vec3> turned_;      // their points, turned as `rotation_`, voxels
-  std::vector<Place> places_;     // theirs
-  Mat3 rotation_ = Mat3::Zero();  // of the last sample(), per voxel
-  Vec3 tip_ = Vec3::Zero();       // at the last sample(), voxels
-  Vec3 way_ = Vec3::Zero();       // of the tip, voxels: bounds of what it moved along the axes
-  std::array<Ways, 3> moves_{};   // the ways that it moved since it last turned
+  std::vector<Vec3> turned_;       // their points, turned as `rotation_`, voxels
+  std::vector<Place> places_;      // theirs
+  std::vector<Vec3> group_until_;  // of each group, the least of its places' `until`
+  std::vector<std::int8_t> met_;   // tissue that each sample meets, kNoTissue: none
+  std::uint64_t cut_seen_ = 0;     // ChangedBricks::changes() of `met_`
+  bool stale_ = false;             // `contact_` isn't that of `met_`
+  Mat3 rotation_ = Mat3::Zero();   // of the last sample(), per voxel
+  Vec3 tip_ = Vec3::Zero();        // at the last sample(), voxels
+  Vec3 way_ = Vec3::Zero();        // of the tip, voxels: bounds of what it moved along the axes
+  std::array<Ways, 3> moves_{};    // the ways that it moved since it last turned
   ContactSet contact_;
   Pose last_;  // where tissue was last removed
   bool paused_ = false;
