@@ -59,7 +59,7 @@ struct DevicePose {                        // of one device, as read
 
 struct DeviceReading {    // what the client is given each tick
   std::int64_t tick = 0;  // 0, 1, ... since start, of the ticks that came
-  double time = 0;        // s since start, monotonic, when this tick began
+  double time = 0;        // s since start, monotonic, once the hand was read: not older than it
   // Periods without a tick since the last one: the time between them in periods, rounded, less one.
   int missed = 0;
   DevicePose hand;                   // the device that pushes back

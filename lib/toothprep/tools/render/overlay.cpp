@@ -205,10 +205,17 @@ void draw_line(Picture& picture, const Camera& camera, const std::vector<Vec3>& 
 void draw_triad(Picture& picture, const Camera& camera, const ToothAxes& axes) {
   const double length = 3.5 * text_height(picture);
   const Point corner(picture.width - 2.2 * length, 2.2 * length);
+  const auto way = [&](bool known, const Vec3& axis) {
+    return known ? Point(axis.dot(camera.right), -axis.dot(camera.up)) : Point(0, 0);
+  };
+  const Point all = way(axes.occlusal_known, axes.occlusal) + way(axes.mesial_known, axes.mesial) +
+                    way(axes.buccal_known, axes.buccal);
   const auto arrow = [&](bool known, const Vec3& axis, std::string_view letter) {
     if (!known) return;
-    const Point tip = corner + length * Point(axis.dot(camera.right), -axis.dot(camera.up));
-    draw_arrow_between(picture, corner, tip, letter);
+    Point tip = length * way(known, axis);
+    if (tip.norm() < 0.5 * text_height(picture))
+      tip = -1e-3 * all;  // along the view: only a letter
+    draw_arrow_between(picture, corner, corner + tip, letter);
   };
   arrow(axes.occlusal_known, axes.occlusal, "O");
   arrow(axes.mesial_known, axes.mesial, "M");

@@ -30,6 +30,7 @@
     }
     const slider = (text, set, use) => {
       const label = make(tools, 'label', `${text} `);
+      label.style.cssText = 'margin-left:1em;white-space:nowrap';
       make(label, 'input', '', {type: 'range', ...set}).addEventListener('input', (event) => use(Number(event.target.value)));
       tools.append(' ');
       return label;
