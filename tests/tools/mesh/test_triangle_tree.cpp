@@ -177,6 +177,19 @@ TEST(TriangleTree, RaysTogetherMeetWhatEachMeetsAlone) {
       ++(alone ? met : missed);
     }
     EXPECT_EQ(together >> rays.size(), 0U);
+    const auto first = tree.first_hits(rays);
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      if (i >= rays.size()) {
+        EXPECT_FALSE(first[i]);
+        continue;
+      }
+      const TreeRay& r = rays[i];
+      const auto alone = tree.first_hit(r.origin, r.direction, r.nearest, r.furthest);
+      ASSERT_EQ(first[i].has_value(), alone.has_value()) << n << ", ray " << i;
+      if (!alone) continue;
+      EXPECT_EQ(first[i]->triangle, alone->triangle);
+      EXPECT_NEAR(first[i]->distance, alone->distance, 1e-4);
+    }
   }
   EXPECT_GT(met, 1000);
   EXPECT_GT(missed, 1000);

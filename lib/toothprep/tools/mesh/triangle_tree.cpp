@@ -100,6 +100,8 @@ struct TriangleTree::Work {
   bool clip(const Vec3& origin, const Vec3& direction, double& from, double& to) const;
   void prefer_first_of_equals(const Vec3& origin, const Vec3& direction, double from, double to,
                               std::uint32_t& triangle, RayHit& hit) const;
+  SurfacePoint exactly(const Vec3& start, const Vec3& along, double from, double to,
+                       std::uint32_t triangle, double distance, double u, double v) const;
   Vec3 pseudonormal(std::uint32_t triangle, const Vec3& weights) const;
 };
 
@@ -241,6 +243,13 @@ void occluded(RTCScene scene, RTCRay& ray) { rtcOccluded1(scene, &ray); }
 void occluded(const int* valid, RTCScene scene, RTCRay8& rays) {
   rtcOccluded8(valid, scene, &rays);
 }
+// Of rays side by side.
+void intersect(const int* valid, RTCScene scene, RTCRayHit8& hits) {
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+  rtcIntersect8(valid, scene, &hits, &arguments);
+}
 #else
 void intersect(RTCScene scene, RTCRayHit& hit) {
   RTCIntersectContext context;
@@ -257,9 +266,38 @@ void occluded(const int* valid, RTCScene scene, RTCRay8& rays) {
   rtcInitIntersectContext(&context);
   rtcOccluded8(valid, scene, &context, &rays);
 }
+void intersect(const int* valid, RTCScene scene, RTCRayHit8& hits) {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  rtcIntersect8(valid, scene, &context, &hits);
+}
 #endif
 
+void put(const RTCRay& ray, std::size_t i, RTCRay8& rays) {
+  rays.org_x[i] = ray.org_x, rays.org_y[i] = ray.org_y, rays.org_z[i] = ray.org_z;
+  rays.dir_x[i] = ray.dir_x, rays.dir_y[i] = ray.dir_y, rays.dir_z[i] = ray.dir_z;
+  rays.tfar[i] = ray.tfar;
+  rays.mask[i] = ray.mask;
+}
+
 }  // namespace
+
+// Where a ray from `start`, which is `from` along it, meets what Embree found.
+SurfacePoint TriangleTree::Work::exactly(const Vec3& start, const Vec3& along, double from,
+                                         double to, std::uint32_t triangle, double distance,
+                                         double u, double v) const {
+  RayHit hit{distance, Vec3(1 - u - v, u, v)};
+  const auto exact = meet_plane(corners(triangle), start, along);
+  // Where the ray grazes the triangle, the plane says less than Embree does.
+  if (exact && std::abs(exact->distance - hit.distance) < 1e-4 * (1 + radius)) hit = *exact;
+  if (hit.weights.minCoeff() < kEdgeZone)
+    prefer_first_of_equals(start, along, 0, to - from, triangle, hit);
+  hit.weights = hit.weights.cwiseMax(0.0);
+  hit.weights /= hit.weights.sum();
+  return SurfacePoint{middle + weighted(corners(triangle), hit.weights),
+                      std::max(0.0, from + hit.distance), triangle, hit.weights};
+}
 
 std::optional<SurfacePoint> TriangleTree::first_hit(const Vec3& origin, const Vec3& direction,
                                                     double nearest, double furthest) const {
@@ -274,19 +312,37 @@ std::optional<SurfacePoint> TriangleTree::first_hit(const Vec3& origin, const Ve
   found.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   intersect(work_->scene.get(), found);
   if (found.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+  return work_->exactly(start, along, from, to, found.hit.primID, found.ray.tfar, found.hit.u,
+                        found.hit.v);
+}
 
-  std::uint32_t triangle = found.hit.primID;
-  const double u = found.hit.u, v = found.hit.v;
-  RayHit hit{found.ray.tfar, Vec3(1 - u - v, u, v)};
-  const auto exact = meet_plane(work_->corners(triangle), start, along);
-  // Where the ray grazes the triangle, the plane says less than Embree does.
-  if (exact && std::abs(exact->distance - hit.distance) < 1e-4 * (1 + work_->radius)) hit = *exact;
-  if (hit.weights.minCoeff() < kEdgeZone)
-    work_->prefer_first_of_equals(start, along, 0, to - from, triangle, hit);
-  hit.weights = hit.weights.cwiseMax(0.0);
-  hit.weights /= hit.weights.sum();
-  return SurfacePoint{work_->middle + weighted(work_->corners(triangle), hit.weights),
-                      std::max(0.0, from + hit.distance), triangle, hit.weights};
+std::array<std::optional<SurfacePoint>, TriangleTree::kTogether> TriangleTree::first_hits(
+    std::span<const TreeRay> rays) const {
+  RTCRayHit8 together{};
+  alignas(32) std::array<int, kTogether> valid{};  // -1: Embree's true
+  struct Start {
+    Vec3 at, along;
+    double from, to;
+  };
+  std::array<Start, kTogether> starts;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const TreeRay& ray = rays[i];
+    const Vec3 along = ray.direction.stableNormalized(), local = ray.origin - work_->middle;
+    double from = ray.nearest, to = ray.furthest;
+    together.hit.geomID[i] = together.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+    if (!work_->clip(local, along, from, to)) continue;
+    starts[i] = {local + from * along, along, from, to};
+    put(work_->ray(starts[i].at, along, to - from), i, together.ray);
+    valid[i] = -1;
+  }
+  intersect(valid.data(), work_->scene.get(), together);
+  std::array<std::optional<SurfacePoint>, kTogether> hits;
+  for (std::size_t i = 0; i < rays.size(); ++i)
+    if (valid[i] != 0 && together.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID)
+      hits[i] = work_->exactly(starts[i].at, starts[i].along, starts[i].from, starts[i].to,
+                               together.hit.primID[i], together.ray.tfar[i], together.hit.u[i],
+                               together.hit.v[i]);
+  return hits;
 }
 
 bool TriangleTree::hits(const Vec3& origin, const Vec3& direction, double nearest,
@@ -307,11 +363,7 @@ std::uint32_t TriangleTree::which_hit(std::span<const TreeRay> rays) const {
     const Vec3 along = ray.direction.stableNormalized(), local = ray.origin - work_->middle;
     double from = ray.nearest, to = ray.furthest;
     if (!work_->clip(local, along, from, to)) continue;
-    const RTCRay one = work_->ray(local + from * along, along, to - from);
-    together.org_x[i] = one.org_x, together.org_y[i] = one.org_y, together.org_z[i] = one.org_z;
-    together.dir_x[i] = one.dir_x, together.dir_y[i] = one.dir_y, together.dir_z[i] = one.dir_z;
-    together.tfar[i] = one.tfar;
-    together.mask[i] = one.mask;
+    put(work_->ray(local + from * along, along, to - from), i, together);
     valid[i] = -1;
   }
   occluded(valid.data(), work_->scene.get(), together);

@@ -54,6 +54,9 @@ class TriangleTree {
   // of the result is that of rays[i].
   static constexpr std::size_t kTogether = 8;
   [[nodiscard]] std::uint32_t which_hit(std::span<const TreeRay> rays) const;
+  // first_hit() of each, faster for rays side by side.
+  [[nodiscard]] std::array<std::optional<SurfacePoint>, kTogether> first_hits(
+      std::span<const TreeRay> rays) const;
 
   // The nearest point of the surface. Throws Error if x is not finite.
   SurfacePoint nearest(const Vec3& x) const;

@@ -336,20 +336,47 @@ struct Renderer::Pass {
       part = &p;
     }
     if (!part) return false;
+    describe(*part, at, seen);
+    return true;
+  }
+
+  // What is seen at places a pixel apart, from x, y on.
+  void look_along_row(double x, double y, int count, std::vector<Seen>& row) const {
+    const auto drawn = [](const Part& p) { return !p.part.ghost; };
+    const auto only = std::find_if(parts.begin(), parts.end(), drawn);
+    const bool together = !cut && std::count_if(parts.begin(), parts.end(), drawn) == 1;
+    constexpr int kTogether = TriangleTree::kTogether;
+    for (int first = 0; first < count; first += kTogether) {
+      std::array<TreeRay, kTogether> rays;
+      const int n = std::min(kTogether, count - first);
+      for (int i = 0; i < n; ++i)
+        rays[i] = {camera.place(x + first + i, y), camera.forward, 0, 1e6};
+      std::array<std::optional<SurfacePoint>, kTogether> hits;
+      if (together) hits = only->tree.first_hits({rays.data(), static_cast<std::size_t>(n)});
+      for (int i = 0; i < n; ++i) {
+        Seen& seen = row.emplace_back();
+        if (!together)
+          look(rays[i].origin, false, seen);
+        else if (hits[i])
+          describe(*only, *hits[i], seen);
+      }
+    }
+  }
+
+  void describe(const Part& part, const SurfacePoint& at, Seen& seen) const {
     seen.depth = at.distance;
     seen.point = at.point;
-    seen.face = part->faces[at.triangle];
-    seen.normal = part->shading_normal(at);
+    seen.face = part.faces[at.triangle];
+    seen.normal = part.shading_normal(at);
     if (seen.face.dot(camera.forward) > 0) {  // the inside of an open shell
       seen.face = -seen.face;
       seen.normal = -seen.normal;
     }
-    part->describe_surface(at, options.range, seen);
+    part.describe_surface(at, options.range, seen);
     // Smoothed normals may lean away from the eye at an outline.
     const double away = seen.normal.dot(camera.forward);
     if (away > -0.01) seen.normal = (seen.normal - (away + 0.01) * camera.forward).normalized();
     face_lights(seen);
-    return true;
   }
 
   // Once for each place, which several pixels share.
@@ -501,9 +528,11 @@ struct Renderer::Pass {
         left, top, std::min(kTile, camera.width - left), std::min(kTile, camera.height - top), {},
         {},   {}};
     for (int y = top; y < top + tile.height; ++y)
+      look_along_row(left + 0.5, y + 0.5, tile.width, tile.centres);
+    for (int y = top; y < top + tile.height; ++y)
       for (int x = left; x < left + tile.width; ++x) {
-        Seen& seen = tile.centres.emplace_back();
-        if (!look(camera.place(x + 0.5, y + 0.5), false, seen)) continue;
+        const Seen& seen = tile.centre(x - left, y - top);
+        if (seen.depth == kInfinity) continue;
         const std::size_t p = image.pixel(x, y);
         image.depth[p] = static_cast<float>(seen.depth);
         for (int k = 0; k < 3; ++k) image.normal[3 * p + k] = static_cast<float>(seen.normal[k]);
@@ -512,10 +541,7 @@ struct Renderer::Pass {
       }
     if (any_ghost) return tile;
     for (int y = top - Tile::kAround; y <= top + tile.height + Tile::kAround; ++y)
-      for (int x = left - Tile::kAround; x <= left + tile.width + Tile::kAround; ++x) {
-        Seen& seen = tile.corners.emplace_back();
-        look(camera.place(x, y), false, seen);
-      }
+      look_along_row(left - Tile::kAround, y, tile.width + 2 * Tile::kAround + 1, tile.corners);
     light_corners(tile);
     return tile;
   }
