@@ -249,6 +249,19 @@ TEST(OverlappingPasses, BesideTheSlotOfALeaningFlatEndedBurWorkIsRight) {
             << bur << ", leant by " << along << ", " << voxel;
 }
 
+// Where the floor that a pass newly takes lies below an earlier slot's, elements at the bur's edge have the
+// slot's wall beside their middle and a chip of that floor at their lower end. At 0.025 mm the free
+// surface crosses some near the end of the level set's band.
+TEST(OverlappingPasses, AChipOfTheFloorBelowAnEarlierSlotsWallCounts) {
+  const char *cylinder = "cylinder:D1.2xL3.0", *cone = "inverted-cone:D1.2xL1.6xA8";
+  for (const double along : {-0.03, -0.35}) {
+    const std::vector<double> z = {0, 0.2, 0.5, -0.3};
+    EXPECT_LT(errors_of({cone, 0.43, 0.05, along, 2, z}, 0.05, 0.003, 0.0008).beyond, 1) << along;
+    EXPECT_LT(errors_of({cylinder, 0.43, 0.05, along, 2, z}, 0.025, 0.003, 0.0008).beyond, 1)
+        << along;
+  }
+}
+
 // Of elements at the slot's floor dentin alone is left to cover, where the tissues meet above it.
 TEST(OverlappingPasses, WhereTissuesMeetWhatIsCoveredCounts) {
   for (const double depth : {0.42, 0.44, 0.46}) {

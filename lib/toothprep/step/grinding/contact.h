@@ -117,6 +117,7 @@ class ContactModel {
   void settle(const Scan& scan, int i) noexcept;
   void look(const Scan& scan, const std::int32_t* elements, int count) noexcept;
   void locate(const Scan& scan, Look& look) noexcept;
+  bool floor_at_edge(const Scan& scan, int lane, const Look& look) const noexcept;
   void look_farther(const Scan& scan, Look& look) noexcept;
   void look_for_tissue(const Scan& scan, int lane, Look& look) noexcept;
   void note_found(const Scan& scan, int lane, const Look& look) noexcept;

@@ -14,11 +14,23 @@ constexpr float kSlack = 1.1f;
 // Where the cut's range along a straight profile is below this part of the element's half width,
 // the element is divided around the axis alone.
 constexpr float kAlongWall = 0.1f;
+// Where a floor meets a wall the lattice rounds it by less than this (voxels).
+constexpr float kRounded = 0.4f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
 // And for so many voxels at most by how it changes along the motion, rather than by the way alone.
 constexpr float kAsideVoxels = 0.02f;
+
+// Half the range of a field over an element whose corner is so far from its middle. Where the field's
+// values end, at the border of its band, its gradient tells too little.
+Float4 range_in_band(const Float4& value, const Float4& range, float corner,
+                     const Workpiece& workpiece) {
+  const float band = workpiece.band(), voxel = static_cast<float>(workpiece.voxel());
+  const Float4 away = magnitude(value);
+  const Int4 at_border = (away > band - 2 * voxel) & (away < band - 0.001f * voxel);
+  return at_border ? greatest(range, all4(corner)) : range;
+}
 
 }  // namespace
 
@@ -61,6 +73,8 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
                              all4(kAsideVoxels * static_cast<float>(workpiece.voxel())));
   const Float4 left = greatest(kStands * gap, aside);
   s.remains = s.live & (s.value < clear_of);
+  for (int p = 0; p < count; ++p)
+    if (s.live[p] && !s.remains[p] && floor_at_edge(scan, p, s)) s.remains[p] = -1;
   for (int p = 0; p < count; ++p) {
     const std::int32_t i = elements[p];
     settled_[i] = -1;
@@ -137,6 +151,18 @@ void ContactModel::locate(const Scan& scan, Look& s) noexcept {
   s.extent = kSlack * (s.along + s.around);
 }
 
+// Whether one that lies at a sharp edge meets a floor there that its middle, nearer to a wall, doesn't tell.
+bool ContactModel::floor_at_edge(const Scan& scan, int p, const Look& s) const noexcept {
+  const int i = s.elements[p];
+  if (edge_[i] == 0 || !(s.value[p] < s.corner[p])) return false;
+  const SurfaceElements& e = elements_;
+  const float way = edge_[i] * e.half_along[i];
+  const Eigen::Vector3f end = Eigen::Vector3f(s.at_x[p], s.at_y[p], s.at_z[p]) +
+                              scan.frame.turned(way * e.lx[i], way * e.ly[i], way * e.lz[i]);
+  return field_at(scan.workpiece.cut(), scan.frame.base, end).value <
+         -kRounded * static_cast<float>(scan.workpiece.voxel());
+}
+
 // The tissue of one of them.
 void ContactModel::look_for_tissue(const Scan& scan, int p, Look& s) noexcept {
   const int i = s.elements[p];
@@ -172,8 +198,12 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   const float value = s.value[p], extent = s.extent[p], clear = s.clear[p];
   Standing& standing = standing_[i];
   standing.share = share_inside(value, extent);
-  standing.strips =
-      elements_.curvature_along[i] == 0 && s.along[p] < kAlongWall * elements_.half_around[i];
+  // A strip is as long as the element: the tooth's surface that crosses it must be known as far.
+  const bool known =
+      standing.inside_tooth || elements_.half_along[i] + voxel < scan.workpiece.band();
+  standing.strips = elements_.curvature_along[i] == 0 && known &&
+                    s.along[p] < kAlongWall * elements_.half_around[i] &&
+                    !floor_at_edge(scan, p, s);
   found_[i] = Found::kCrossed;
   float left = std::min(s.left[p], kCrossedStanding * voxel);
   if (standing.only != 0 && standing.inside_tooth && value <= -extent && clear >= 0) {
@@ -212,7 +242,8 @@ float ContactModel::look_for_tissue(const Scan& scan, int i, const Index3& cell,
   const Float4 value = at_surface4(found, ahead);
   const Float4 along = magnitude(g.gx * e.lx[i] + g.gy * e.ly[i] + g.gz * e.lz[i]),
                around = magnitude(g.gx * e.tx[i] + g.gy * e.ty[i]);
-  const Float4 extent = kSlack * (along * e.half_along[i] + around * e.half_around[i]) + sag;
+  const Float4 range = kSlack * (along * e.half_along[i] + around * e.half_around[i]);
+  const Float4 extent = range_in_band(value, range, shapes_[i].corner, workpiece) + sag;
   if (!s.inside_tooth) {
     if (value[0] >= extent[0]) return -std::max(kStands * (value[0] - extent[0]), kLeastExtent);
     s.inside_tooth = value[0] <= -extent[0];
