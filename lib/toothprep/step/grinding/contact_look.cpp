@@ -16,6 +16,7 @@ constexpr float kSlack = 1.1f;
 constexpr float kAlongWall = 0.1f;
 // Where a floor meets a wall the lattice rounds it by less than this (voxels).
 constexpr float kRounded = 0.4f;
+constexpr float kAdvancesLittle = 0.02f;  // sine
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
@@ -156,6 +157,9 @@ bool ContactModel::floor_at_edge(const Scan& scan, int p, const Look& s) const n
   const int i = s.elements[p];
   if (edge_[i] == 0 || !(s.value[p] < s.corner[p])) return false;
   const SurfaceElements& e = elements_;
+  // Beyond one that doesn't advance lies the wall ahead.
+  const Eigen::Vector3f n(e.nx[i], e.ny[i], e.nz[i]);
+  if (n.dot(s.u[p]) < kAdvancesLittle) return false;
   const float way = edge_[i] * e.half_along[i];
   const Eigen::Vector3f end = Eigen::Vector3f(s.at_x[p], s.at_y[p], s.at_z[p]) +
                               scan.frame.turned(way * e.lx[i], way * e.ly[i], way * e.lz[i]);
