@@ -75,8 +75,7 @@ class ReadingCheck {  // of one device
  private:
   ReadingFault fault_of(const DeviceReading& reading, double since, double age) const noexcept;
   bool jumps(const DevicePose& hand, double dt) const noexcept;
-  void reject(const DeviceReading& reading, ReadingFault& fault, bool jumped,
-              double dt) noexcept;
+  void reject(const DeviceReading& reading, ReadingFault& fault, bool jumped, double dt) noexcept;
   bool near_last(const DevicePose& hand, double since) const noexcept;
   bool after_gap(double since) const noexcept;
   double aside(const Vec3& way, double least, double most) const noexcept;
