@@ -16,7 +16,8 @@ constexpr float kSlack = 1.1f;
 constexpr float kAlongWall = 0.1f;
 // Where a floor meets a wall the lattice rounds it by less than this (voxels).
 constexpr float kRounded = 0.4f;
-constexpr float kAdvancesLittle = 0.02f;  // sine
+// Beyond the rim of what advances less than this (sine) lies the wall ahead, not a floor.
+constexpr float kAdvancesLittle = 0.02f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
@@ -157,7 +158,6 @@ bool ContactModel::floor_at_edge(const Scan& scan, int p, const Look& s) const n
   const int i = s.elements[p];
   if (edge_[i] == 0 || !(s.value[p] < s.corner[p])) return false;
   const SurfaceElements& e = elements_;
-  // Beyond one that doesn't advance lies the wall ahead.
   const Eigen::Vector3f n(e.nx[i], e.ny[i], e.nz[i]);
   if (n.dot(s.u[p]) < kAdvancesLittle) return false;
   const float way = edge_[i] * e.half_along[i];
