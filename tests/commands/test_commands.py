@@ -304,6 +304,11 @@ class Commands(CommandTest):
         for name in ("figures.md", "small/levelset.h5", "small/voxel.h5", "small/exact.csv", "small/levelset.ply",
                      "small/forces.png", "small/forces.svg", "small/levelset.png", "small/voxel.png"):
             self.assertGreater(os.path.getsize(self.path(os.path.join("figs", name))), 500, name)
+        # No two pictures have the same caption.
+        with open(self.path("figs/figures.md")) as f:
+            captions = re.findall(r"!\[(.*?)\]\(", f.read())
+        self.assertEqual(len(captions), len(figure["plots"]) + len(figure["pictures"]))
+        self.assertEqual(len(captions), len(set(captions)), captions)
         # Its traces are traces.
         self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "figs/small/levelset.h5", "--bur", "ball:D1.2",
                     "-o", "figures-again.h5")

@@ -278,13 +278,16 @@ FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
       if (!v.report) continue;
       if (v.main) {
         const std::string name = prefix + name_of(v.engine);
+        const std::string label = v.engine == EngineKind::kLevelset ? "level sets" : "voxels";
         v.report->trace = context.write_trace(experiment, name, run, *v.outcome);
         v.report->exact = exact_file;
-        curves.push_back({v.engine == EngineKind::kLevelset ? "level sets" : "voxels",
-                          v.report->trace, "",
-                          v.engine == EngineKind::kLevelset ? "run" : "second"});
+        curves.push_back(
+            {label, v.report->trace, "", v.engine == EngineKind::kLevelset ? "run" : "second"});
         const std::string mesh = context.write_surface(experiment, name, v.outcome->prepared);
-        figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png", mesh));
+        figure.pictures.push_back(block_picture(
+            experiment.name + "/" + name + ".png",
+            experiment.title + (prefix.empty() ? "" : ", " + run.title) + ": the block, " + label,
+            mesh));
       }
       figure.runs.push_back(*v.report);
     }

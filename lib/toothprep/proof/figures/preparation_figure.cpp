@@ -67,7 +67,9 @@ FigureReport preparation_figure(const Experiment& experiment, FigureContext& con
     const std::string prepared = context.write_layers(experiment, run.name, outcome.prepared);
     for (const char* view : {"occlusal", "oblique"})
       figure.pictures.push_back(
-          {experiment.name + "/" + run.name + "-" + view + ".png", prepared, before, view});
+          {experiment.name + "/" + run.name + "-" + view + ".png",
+           experiment.title + ": " + run.title + ", before and after, " + view + " view", prepared,
+           before, view});
     figure.runs.push_back(report);
 
     const auto& totals = outcome.replay.totals;

@@ -234,7 +234,7 @@ std::string markdown(const ReportHeader& header, const std::vector<FigureReport>
     md += "\n## " + f.title + "\n\n";
     for (const Plot& p : f.plots) md += "![" + p.title + "](" + p.file + ".png)\n";
     for (const MapPlot& m : f.maps) md += "![" + m.title + "](" + m.file + ".png)\n";
-    for (const Picture& p : f.pictures) md += "![" + f.title + "](" + p.file + ")\n";
+    for (const Picture& p : f.pictures) md += "![" + p.title + "](" + p.file + ")\n";
     if (!f.comparisons.empty()) md += "![" + f.title + "](" + f.name + "/predicted.png)\n";
     md += comparisons_text(f);
     for (const MetricTable& t : f.tables) md += table_text(t);
@@ -317,6 +317,7 @@ void write_report(const ReportHeader& header, const std::vector<FigureReport>& f
     g["pictures"] = Json::array();
     for (const Picture& p : f.pictures)
       g["pictures"].push_back({{"file", p.file},
+                               {"title", p.title},
                                {"mesh", p.mesh},
                                {"compare", p.compare},
                                {"view", p.view},

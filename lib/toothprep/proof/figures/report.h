@@ -92,13 +92,15 @@ struct MapPlot {
 // --occlusal.
 struct Picture {
   std::string file;           // .png
+  std::string title;          // what it shows
   std::string mesh, compare;  // .ply or .vdb; `compare` (may be empty) stands to the left
   std::string view = "oblique", occlusal = "0,0,1";
 };
 
 // The same for the block, whose top face is y = 0.
-inline Picture block_picture(const std::string& file, const std::string& mesh) {
-  return {file, mesh, "", "-0.51,0.47,0.72", "0,1,0"};
+inline Picture block_picture(const std::string& file, const std::string& title,
+                             const std::string& mesh) {
+  return {file, title, mesh, "", "-0.51,0.47,0.72", "0,1,0"};
 }
 
 // A published measurement beside what parameters predict of it. Not a claim: what the model misses

@@ -158,7 +158,9 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
       claim_stall(figure, run, make_bur(run.bur, o.bur_library), v.outcome, v.exact);
       if (run.name == experiment.runs.front().name && v.parameters.engine == o.engines.front()) {
         const std::string mesh = context.write_surface(experiment, name, v.outcome.prepared);
-        figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png", mesh));
+        figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png",
+                                                experiment.title + ": the block, " + run.title,
+                                                mesh));
       }
     }
     plot.panels = force_panels(curves, exact_file);
