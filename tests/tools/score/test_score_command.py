@@ -111,6 +111,32 @@ class Score(CommandTest):
         self.score(*again, "--force", "--threads", "1")
         self.assertEqual(self.everything(), first)
 
+    def test_contact_with_a_neighbour_is_judged_only_where_there_is_one(self):
+        """A stroke into the mesial wall of a molar alone and of one with a neighbour behind it, distally."""
+        self.write("stroke.toml", b'''start_mm = [6, -1, 15]
+axis = [0, 0, 1]
+[[segment]]
+kind = "line"
+to_mm = [6, 3.0, 15]
+speed_mm_s = 0.3
+''')
+        for neighbours, judged in (("0", False), ("1", True)):
+            name = "of" + neighbours
+            more = ("--neighbours", neighbours) if judged else ()
+            self.run_ok("specimen", "molar", "--voxel-mm", "0.4", *more, "-o", name + ".vdb")
+            self.run_ok("replay", "--tooth", name + ".vdb", "--bur", "cylinder:D1.2xL3.0", "--drive", "direct", "--trajectory",
+                        "stroke.toml", "-o", name + ".h5", "--prepared", name + "-p.vdb")
+            self.score("--original", name + ".vdb", "--prepared", name + "-p.vdb", "--trace", name + ".h5", "--type", "crown",
+                       "-o", name + ".json")
+            sheet = self.read_json(name + ".json")
+            self.assertEqual(sheet["process"]["neighbour_contact_s"], 0)
+            for key in ("neighbour_damage_mm3", "process.neighbour_contact_s"):
+                criterion, = [c for c in sheet["criteria"] if c["key"] == key]
+                self.assertEqual(criterion["verdict"], "ideal" if judged else "not judged", key)
+                self.assertEqual(criterion["of"] > 0, judged, key)
+                reason = "the original has no neighbouring tooth; its weight is left out"
+                self.assertEqual(reason in criterion["reason"], not judged, key)
+
     def test_a_mesh_alone_and_no_rubric(self):
         self.score("--original", "o.vdb", "--prepared", "p.stl", "--rubric", "none", "--quiet", "-o", "s.json")
         score = self.read_json("s.json")

@@ -200,9 +200,38 @@ double noted_label_spacing(const Solid& solid, const std::string& file,
   return labels->spacing_mm;
 }
 
+// Neighbours and pulp that the original doesn't have can't be hurt: that earns no points. What a
+// recording says to have touched is judged nevertheless, unless the original has no tissues, where
+// it is the tooth itself.
+void add_what_is_not_there(const Assessment& result, ScoreSheet& sheet) {
+  const Quantities& quantities = sheet.quantities;
+  const bool has_tissues = find_quantity(quantities, "removed_mm3.enamel") ||
+                           find_quantity(quantities, "removed_mm3.dentin");
+  const auto add = [&](const char* key, const char* reason) {
+    const Quantity* figure = find_quantity(quantities, key);
+    if (!figure || figure->value == 0 || !has_tissues) sheet.absent.push_back({key, reason});
+  };
+  if (!find_quantity(quantities, "removed_mm3.pulp"))
+    add("process.pulp_contact_s", "the original has no pulp");
+  const std::vector<Body> none;
+  const std::vector<Body>& recorded = result.trace ? result.trace->bodies : none;
+  if (find_quantity(quantities, "neighbour_damage_mm3") ||
+      std::any_of(recorded.begin(), recorded.end(),
+                  [](const Body& b) { return b.kind == BodyKind::kNeighbour; }))
+    return;
+  for (const char* key : {"neighbour_damage_mm3", "neighbour_depth_mm", "box_clearance_mm",
+                          "process.neighbour_contact_s"})
+    add(key, "the original has no neighbouring tooth");
+}
+
 // What was measured against an axis that isn't the tooth's can't be certain.
 void judge_sheet(const Rubric& rubric, ScoreSheet& sheet) {
-  sheet.result = judge(rubric, sheet.quantities, sheet.absent);
+  Quantities judged = sheet.quantities;  // of what isn't there, no contact is no merit
+  std::erase_if(judged, [&](const Quantity& q) {
+    return std::any_of(sheet.absent.begin(), sheet.absent.end(),
+                       [&](const AbsentQuantity& a) { return a.key == q.key; });
+  });
+  sheet.result = judge(rubric, judged, sheet.absent);
   if (sheet.axis_known || !sheet.result->certain) return;
   sheet.result->certain = false;
   sheet.result->notes.push_back(
@@ -361,6 +390,7 @@ Assessment assess(const AssessmentOptions& options) {
   for (std::size_t n = 0; n < options.traces.size(); ++n)
     add_input(sheet, n == 0 ? "trace" : fmt::format("trace_{}", n + 1), options.traces[n]);
   if (!options.traces.empty()) keep_warnings(sheet, add_process(options, result, sheet.quantities));
+  add_what_is_not_there(result, sheet);
 
   if (options.rubric) judge_sheet(*options.rubric, sheet);
   report_progress(options, "done", 1.0);
