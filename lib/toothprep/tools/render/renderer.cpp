@@ -21,7 +21,7 @@ namespace toothprep {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kTile = 64;   // pixels each way that are looked at in one go
+constexpr int kTile = 128;  // pixels each way that are looked at in one go
 constexpr int kField = 32;  // of these, pixels each way that share rays; even, divides kTile
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -527,6 +527,7 @@ struct Renderer::Pass {
     Tile tile{
         left, top, std::min(kTile, camera.width - left), std::min(kTile, camera.height - top), {},
         {},   {}};
+    tile.centres.reserve(static_cast<std::size_t>(tile.width * tile.height));
     for (int y = top; y < top + tile.height; ++y)
       look_along_row(left + 0.5, y + 0.5, tile.width, tile.centres);
     for (int y = top; y < top + tile.height; ++y)
@@ -540,6 +541,7 @@ struct Renderer::Pass {
         image.deviation[p] = seen.deviation;
       }
     if (any_ghost) return tile;
+    tile.corners.reserve(tile.corner(-Tile::kAround, tile.height + Tile::kAround + 1));
     for (int y = top - Tile::kAround; y <= top + tile.height + Tile::kAround; ++y)
       look_along_row(left - Tile::kAround, y, tile.width + 2 * Tile::kAround + 1, tile.corners);
     light_corners(tile);
