@@ -63,9 +63,26 @@ TEST(Cutting, StallLoadIsThatOfTheFullSlot) {
   Cut cut;
   cut.load = 1;
   cut.length = 1;
-  const std::vector<double> loads = predict(test, {cut}, preset_parameters("physical")).values;
+  KnownCuts known;
+  const std::vector<double> loads =
+      predict(test, {cut}, preset_parameters("physical"), known).values;
   ASSERT_EQ(loads.size(), 1U);
   EXPECT_NEAR(loads[0], units::kPi / (4 * 0.25 * 0.6), 0.02 * loads[0]);
+}
+
+TEST(Cutting, KnownCutsAreThoseOfTheSameCutAndParameters) {
+  Cut cut;
+  cut.geometry = CutGeometry::kSkim;
+  cut.depth = 0.1;
+  cut.feed = 4;
+  KnownCuts known;
+  const double torque = simulate_cut(cut, paper()).torque;
+  for (int times = 0; times < 2; ++times) EXPECT_EQ(known.simulate(cut, paper()).torque, torque);
+  Parameters half = paper();
+  for (GrindingProperties& tissue : half.tissue) tissue.specific_energy /= 2;
+  EXPECT_NEAR(known.simulate(cut, half).torque, torque / 2, 1e-6 * torque);
+  cut.length /= 2;
+  EXPECT_NEAR(known.simulate(cut, paper()).torque, torque / 2, 0.02 * torque);
 }
 
 TEST(Cutting, AnElectricHandpieceReplacesOnlyOneThatDroops) {

@@ -153,14 +153,29 @@ CutResult simulate_cut(const Cut& cut, const Parameters& parameters) {
   return simulate_in(block_for(cut), cut, parameters);
 }
 
+CutResult KnownCuts::simulate(const Cut& cut, const Parameters& parameters) {
+  const std::string key =
+      fmt::format("{} {} {} {} {} {} {} {} {}", static_cast<int>(cut.geometry),
+                  static_cast<int>(cut.tissue), cut.climb, cut.diameter, cut.length, cut.depth,
+                  cut.load, cut.feed, to_toml(parameters_for(cut, parameters)));
+  {
+    const std::lock_guard lock(mutex_);
+    const auto known = results_.find(key);
+    if (known != results_.end()) return known->second;
+  }
+  const CutResult result = simulate_cut(cut, parameters);
+  const std::lock_guard lock(mutex_);
+  return results_.emplace(key, result).first->second;
+}
+
 Prediction predict(const CuttingTest& test, const std::vector<Cut>& cuts,
-                   const Parameters& parameters) {
+                   const Parameters& parameters, KnownCuts& known) {
   Prediction predicted;
   const auto take = [&](double value) {
     if (value > 0) predicted.values.push_back(value);
   };
   const auto simulate = [&](const Cut& cut) {
-    const CutResult result = simulate_cut(cut, parameters);
+    const CutResult result = known.simulate(cut, parameters);
     predicted.stalled = predicted.stalled || result.stalled;
     return result;
   };

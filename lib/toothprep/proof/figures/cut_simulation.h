@@ -1,6 +1,10 @@
 // A cutting test, simulated: a cylinder through a block under an imposed load or feed.
 #pragma once
 
+#include <map>
+#include <mutex>
+#include <string>
+
 #include "toothprep/proof/figures/cutting_test.h"
 #include "toothprep/step/core/parameters.h"
 
@@ -25,6 +29,16 @@ Parameters parameters_for(const Cut& cut, const Parameters& parameters);
 
 CutResult simulate_cut(const Cut& cut, const Parameters& parameters);
 
+// simulate_cut() of what several tests ask for is done once.
+class KnownCuts {
+ public:
+  CutResult simulate(const Cut& cut, const Parameters& parameters);
+
+ private:
+  std::mutex mutex_;
+  std::map<std::string, CutResult> results_;  // by all that they depend on
+};
+
 // All values that the test's quantity takes over its cuts, as far as there is one: a stalled cut
 // has no feed; a handpiece that doesn't droop loses no speed and has no greatest power.
 struct Prediction {
@@ -32,6 +46,6 @@ struct Prediction {
   bool stalled = false;  // in any cut
 };
 Prediction predict(const CuttingTest& test, const std::vector<Cut>& cuts,
-                   const Parameters& parameters);
+                   const Parameters& parameters, KnownCuts& known);
 
 }  // namespace toothprep::figures

@@ -41,7 +41,7 @@ std::string verdict_of(const Comparison& c) {
                                                                                   : "partly";
 }
 
-Comparison compare(const CuttingTest& test, const Named& set) {
+Comparison compare(const CuttingTest& test, const Named& set, KnownCuts& known) {
   Comparison c;
   c.test = test.name;
   c.title = test.title;
@@ -53,7 +53,7 @@ Comparison compare(const CuttingTest& test, const Named& set) {
   c.measured_low = test.measured[0];
   c.measured_high = test.measured[1];
   c.assumes = test.assumes;
-  const Prediction prediction = predict(test, test.cuts, set.parameters);
+  const Prediction prediction = predict(test, test.cuts, set.parameters, known);
   const std::vector<double>& values = prediction.values;
   c.predicted_low = c.predicted_high = c.ratio = std::nan("");
   if (values.empty()) {
@@ -75,7 +75,7 @@ double middle(const std::vector<double>& values) {
   return std::exp(sum / static_cast<double>(values.size()));
 }
 
-Trend trend_of(const CuttingTest& test, const Named& set) {
+Trend trend_of(const CuttingTest& test, const Named& set, KnownCuts& known) {
   Trend t;
   t.test = test.name;
   t.title = test.title;
@@ -84,8 +84,8 @@ Trend trend_of(const CuttingTest& test, const Named& set) {
   t.quantity = test.quantity_name;
   t.observed = test.observed;
   t.assumes = test.assumes;
-  t.factor = middle(predict(test, test.second, set.parameters).values) /
-             middle(predict(test, test.cuts, set.parameters).values);
+  t.factor = middle(predict(test, test.second, set.parameters, known).values) /
+             middle(predict(test, test.cuts, set.parameters, known).values);
   t.predicted = !std::isfinite(t.factor)      ? "no prediction"
                 : t.factor > 1 + kLevel       ? "rises"
                 : t.factor < 1 / (1 + kLevel) ? "falls"
@@ -101,14 +101,15 @@ FigureReport validation_figure(const Experiment& experiment, FigureContext& cont
   const std::vector<Named> sets = parameter_sets(context.options().base);
   std::vector<Comparison> comparisons(tests.size() * sets.size());
   std::vector<Trend> trends(comparisons.size());
+  KnownCuts known;
   std::vector<FigureContext::Job> jobs;
   for (std::size_t i = 0; i < tests.size(); ++i)
     jobs.push_back({experiment.name + ", " + tests[i].name, [&, i] {
                       for (std::size_t k = 0; k < sets.size(); ++k)
                         if (tests[i].observed.empty())
-                          comparisons[i * sets.size() + k] = compare(tests[i], sets[k]);
+                          comparisons[i * sets.size() + k] = compare(tests[i], sets[k], known);
                         else
-                          trends[i * sets.size() + k] = trend_of(tests[i], sets[k]);
+                          trends[i * sets.size() + k] = trend_of(tests[i], sets[k], known);
                     }});
   context.run(jobs);
   FigureReport figure;
