@@ -191,9 +191,11 @@ double beyond_enamel(const Cloud& cloud, const Vec3& d) {
     std::vector<double> h;
     h.reserve(points.size());
     for (const Vec3& x : points) h.push_back(x.dot(d));
-    std::sort(h.begin(), h.end());
-    const std::size_t cut = h.size() / 50;
-    return std::pair(h[cut], h[h.size() - 1 - cut]);
+    const auto cut = static_cast<std::ptrdiff_t>(h.size() / 50);
+    const auto low = h.begin() + cut, high = h.end() - 1 - cut;
+    std::nth_element(h.begin(), low, h.end());
+    if (low < high) std::nth_element(low + 1, high, h.end());
+    return std::pair(*low, *high);
   };
   const auto [low, high] = heights(cloud.tooth);
   const auto [enamel_low, enamel_high] = heights(cloud.enamel);

@@ -123,7 +123,10 @@ struct Triangle {
     rows.p_ab = px * ab.x() + (py * ab.y() + pz * ab.z());
     rows.p_ac = px * ac.x() + (py * ac.y() + pz * ac.z());
     rows.q_bc = qx * bc.x() + (qy * bc.y() + qz * bc.z());
-    rows.height = px * normal.x() + (py * normal.y() + pz * normal.z());
+    rows.height = heights(y, z, x);
+  }
+  Lanes heights(float y, float z, const Lanes& x) const {
+    return (x - a.x()) * normal.x() + (((y + kUp) - a.y()) * normal.y() + (z - a.z()) * normal.z());
   }
 
   // Of the points from where row r begins on.
@@ -384,46 +387,54 @@ class Slab {
     const Vec3f& centre = triangle.centre;
     const auto from_y = static_cast<float>(y - cell.y()), from_z = static_cast<float>(z - cell.z());
     const float dz = from_z - centre.z();
+    const Lanes dy = (from_y + kUp) - centre.y(), side2 = dy * dy + dz * dz;
     // Where the row enters the ball and leaves it.
     Lanes half2, x;
     std::array<int, kLanes> first, last;
     for (int n = 0; n < kLanes; ++n) {
-      const float dy = (from_y + static_cast<float>(n)) - centre.y();
-      half2[n] = ball * ball - dy * dy - dz * dz;
+      half2[n] = ball * ball - dy[n] * dy[n] - dz * dz;
       const float half = std::sqrt(std::max(half2[n], 0.0f));
       first[n] = std::max(0, i + static_cast<int>(std::ceil(centre.x() - half)));
       last[n] = std::min(nx_ - 1, i + static_cast<int>(std::floor(centre.x() + half)));
       x[n] = static_cast<float>(first[n] - i);
     }
-    // Whether one of the nodes may be nearer to the triangle than to those before.
-    const auto counts = [&](int n, std::size_t row, std::size_t at) {
-      if (!(half2[n] > 0) || first[n] > last[n]) return false;
-      if (wanted_ && !(first[n] < wanted_[row].end && first[n] + kLanes > wanted_[row].first))
-        return false;
-      const float dy = (from_y + static_cast<float>(n)) - centre.y();
-      return triangle.area2 < kSliver || at + kLanes > nodes_ ||
-             may_be_nearer(best_ + at, x[n] - centre.x(), dy * dy + dz * dz,
-                           triangle.radius + kMargin);
-    };
-    Triangle::Rows rows;
     const std::size_t r = static_cast<std::size_t>(z - z0_) * static_cast<std::size_t>(ny_) +
                           static_cast<std::size_t>(y);
     // Where the lanes begin decides their last bit, so it doesn't depend on what is wanted.
     for (bool more = true; more;) {
       more = false;
-      bool made = false;
+      std::array<const float*, kLanes> best;  // of the rows' nodes
+      unsigned looked_at = 0, unknown = 0;    // rows, as bits
       for (int n = 0; n < count; ++n) {
         const std::size_t row = r + static_cast<std::size_t>(n),
                           at = row * row_ + static_cast<std::size_t>(first[n]);
-        if (!counts(n, row, at)) continue;
-        if (!made) triangle.rows_from(from_y, from_z, x, rows);
-        made = true;
-        if (triangle.area2 >= kSliver && at + kLanes <= nodes_) {
-          const float dy = (from_y + static_cast<float>(n)) - centre.y();
-          if (!may_lie_above(best_ + at, triangle, rows, n, x[n] - centre.x(), dy * dy + dz * dz))
-            continue;
+        bool counts = half2[n] > 0;
+        counts &= first[n] <= last[n];
+        if (wanted_) {
+          counts &= first[n] < wanted_[row].end;
+          counts &= first[n] + kLanes > wanted_[row].first;
         }
-        lower_nodes(triangle, rows, n, at, last[n] - first[n] + 1);
+        const bool known = triangle.area2 >= kSliver && at + kLanes <= nodes_;
+        best[n] = counts && known ? best_ + at : least_.data();
+        looked_at |= static_cast<unsigned>(counts) << n;
+        unknown |= static_cast<unsigned>(!known) << n;
+      }
+      looked_at &=
+          unknown | may_be_nearer(best, count, x - centre.x(), side2, triangle.radius + kMargin);
+      if (looked_at != 0) {
+        const Lanes height = triangle.heights(from_y, from_z, x);
+        looked_at &=
+            unknown | may_lie_above(best, looked_at, triangle, height, x - centre.x(), side2);
+      }
+      if (looked_at != 0) {
+        Triangle::Rows rows;
+        triangle.rows_from(from_y, from_z, x, rows);
+        for (; looked_at != 0; looked_at &= looked_at - 1) {
+          const int n = __builtin_ctz(looked_at);
+          lower_nodes(triangle, rows, n,
+                      (r + static_cast<std::size_t>(n)) * row_ + static_cast<std::size_t>(first[n]),
+                      last[n] - first[n] + 1);
+        }
       }
       for (int n = 0; n < count; ++n) {
         first[n] += kLanes;
@@ -433,30 +444,43 @@ class Slab {
     }
   }
 
-  // False if each of the nodes along x is farther from the ball around a triangle than the triangles
-  // before are: the first is x from the ball's centre, all are `side2` beside it, squared. A root is not
-  // more than its tangent in the middle of the band.
-  bool may_be_nearer(const float* best, float x, float side2, float radius) const {
-    const float slope = 1 + 2 * radius / band_, rest = side2 - radius * (0.5f * band_ + radius);
-    const Lanes dx = x + kUp;
-    return any(dx * dx + rest < slope * load(best));
+  // The rows, as bits, of which one of the nodes may be nearer to the ball around a triangle than to the triangles
+  // before: the first of row n is x[n] from the ball's centre, all are `side2[n]` beside it, squared. A root
+  // is not more than its tangent in the middle of the band.
+  unsigned may_be_nearer(const std::array<const float*, kLanes>& best, int count, const Lanes& x,
+                         const Lanes& side2, float radius) const {
+    const float slope = 1 + 2 * radius / band_;
+    const Lanes rest = side2 - radius * (0.5f * band_ + radius);
+    decltype(Lanes{} < Lanes{}) rows{};
+    for (int n = 0; n < count; ++n) {
+      const Lanes dx = x[n] + kUp;
+      rows |= (dx * dx + rest[n] < slope * load(best[n])) & (1 << n);
+    }
+    return bits_of(rows);
   }
   // The same by the height above the triangle's plane, and how far beside the ball that is. Here a root is
   // not more than its tangent at kTangent, since where a triangle beneath is known there is little left of it.
-  static bool may_lie_above(const float* best, const Triangle& triangle, const Triangle::Rows& rows,
-                            int r, float x, float side2) {
+  static unsigned may_lie_above(const std::array<const float*, kLanes>& best, unsigned rows,
+                                const Triangle& triangle, const Lanes& height, const Lanes& x,
+                                const Lanes& side2) {
     constexpr float kTangent = 0.25f, kHeightSlack = 3 * kSlack;
-    const Lanes height = rows.height[r] + kUp * triangle.normal.x(), dx = x + kUp;
-    const Lanes height2 = height * height, beside2 = dx * dx + side2 - height2,
-                left = load(best) + kHeightSlack - height2;
-    const float radius = triangle.radius + kMargin;
-    return any((left >= 0) &
-               (beside2 < radius * (radius + kTangent) + left * (1 + radius / kTangent)));
+    const float radius = triangle.radius + kMargin, slope = 1 + radius / kTangent;
+    const Lanes rest = side2 - radius * (radius + kTangent);
+    decltype(Lanes{} < Lanes{}) may{};
+    for (; rows != 0; rows &= rows - 1) {
+      const int n = __builtin_ctz(rows);
+      const Lanes above = height[n] + kUp * triangle.normal.x(), dx = x[n] + kUp;
+      const Lanes height2 = above * above, left = load(best[n]) + kHeightSlack - height2;
+      may |= (left >= 0) & (dx * dx + rest[n] - height2 < left * slope) & (1 << n);
+    }
+    return bits_of(may);
   }
-  static bool any(const decltype(Lanes{} < Lanes{}) & lanes) {
+  // The bits of all lanes.
+  static unsigned bits_of(const decltype(Lanes{} < Lanes{}) & lanes) {
     std::array<std::uint64_t, kLanes / 2> pairs;
     std::memcpy(pairs.data(), &lanes, sizeof lanes);
-    return (pairs[0] | pairs[1] | pairs[2] | pairs[3]) != 0;
+    const std::uint64_t both = pairs[0] | pairs[1] | pairs[2] | pairs[3];
+    return static_cast<unsigned>(both | both >> 32);
   }
 
   // The `count` nodes from `at` on along row r, as many as there are lanes at most.

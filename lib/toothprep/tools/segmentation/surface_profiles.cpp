@@ -33,54 +33,66 @@ class Cubic {
                 static_cast<std::size_t>(scan.size.x()) * static_cast<std::size_t>(scan.size.y())} {
   }
 
-  float operator()(const Vec3& index) const {
-    std::array<std::array<double, 4>, 3> weight;
-    std::array<int, 3> first;
+  // At four places, a lane each.
+  std::array<float, 4> operator()(const std::array<Vec3, 4>& index) const {
+    std::array<std::array<Four, 4>, 3> weight;
+    std::array<Index3, 4> first;
     bool within = true;
     for (int a = 0; a < 3; ++a) {
-      const double x = std::clamp(index[a], 0.0, scan_.size[a] - 1.0);
-      const int base = static_cast<int>(x);
-      const double f = x - base;
+      Four f;
+      for (int n = 0; n < 4; ++n) {
+        const double x = std::clamp(index[n][a], 0.0, scan_.size[a] - 1.0);
+        const int base = static_cast<int>(x);
+        f[n] = x - base;
+        first[n][a] = base - 1;
+        within = within && base > 0 && base + 2 < scan_.size[a];
+      }
       weight[a] = {((-0.5 * f + 1) * f - 0.5) * f, (1.5 * f - 2.5) * f * f + 1,
                    ((-1.5 * f + 2) * f + 0.5) * f, (0.5 * f - 0.5) * f * f};
-      first[a] = base - 1;
-      within = within && base > 0 && base + 2 < scan_.size[a];
     }
-    const Four of_x = {weight[0][0], weight[0][1], weight[0][2], weight[0][3]},
-               of_y = {weight[1][0], weight[1][1], weight[1][2], weight[1][3]};
-    double sum = 0;
-    for (int k = 0; k < 4; ++k) {
-      std::array<Four, 4> row;  // along x
-      for (int j = 0; j < 4; ++j)
-        row[j] = within ? four_of(first[0], first[1] + j, first[2] + k)
-                        : continued(first[0], first[1] + j, first[2] + k);
-      const Four lines = {sum_of(of_x * row[0]), sum_of(of_x * row[1]), sum_of(of_x * row[2]),
-                          sum_of(of_x * row[3])};
-      const Four part = weight[2][k] * of_y * lines;
-      for (int j = 0; j < 4; ++j) sum += part[j];
+    std::array<const float*, 4> values;
+    if (within) {
+      for (int n = 0; n < 4; ++n)
+        values[n] = scan_.data.data() + offset(first[n].x(), first[n].y(), first[n].z());
+      return sum_of(weight, values, stride_[1], stride_[2]);
     }
-    return static_cast<float>(sum);
+    std::array<std::array<float, 64>, 4> continued;
+    for (int n = 0; n < 4; ++n) {
+      for (int v = 0; v < 64; ++v) {
+        const Index3 at =
+            (first[n] + Index3(v & 3, v >> 2 & 3, v >> 4)).cwiseMin(scan_.size - Index3::Ones());
+        continued[n][v] =
+            scan_.data[offset(std::max(0, at.x()), std::max(0, at.y()), std::max(0, at.z()))];
+      }
+      values[n] = continued[n].data();
+    }
+    return sum_of(weight, values, 4, 16);
   }
 
  private:
-  static double sum_of(const Four& a) { return ((a[0] + a[1]) + a[2]) + a[3]; }
-  // Four voxels along x.
-  Four four_of(int x, int y, int z) const {
-    using Floats = float __attribute__((vector_size(4 * sizeof(float))));
-    Floats values;
-    std::memcpy(&values,
-                scan_.data.data() + static_cast<std::size_t>(z) * stride_[2] +
-                    static_cast<std::size_t>(y) * stride_[1] + static_cast<std::size_t>(x),
-                sizeof values);
-    return __builtin_convertvector(values, Four);
+  std::size_t offset(int x, int y, int z) const {
+    return static_cast<std::size_t>(z) * stride_[2] + static_cast<std::size_t>(y) * stride_[1] +
+           static_cast<std::size_t>(x);
   }
-  Four continued(int x, int y, int z) const {
-    const auto within = [&](int i, int a) {
-      return static_cast<std::size_t>(std::clamp(i, 0, scan_.size[a] - 1));
-    };
-    const float* row = scan_.data.data() + within(z, 2) * stride_[2] + within(y, 1) * stride_[1];
-    return Four{row[within(x, 0)], row[within(x + 1, 0)], row[within(x + 2, 0)],
-                row[within(x + 3, 0)]};
+  // Of each lane's 4 x 4 x 4 values.
+  static std::array<float, 4> sum_of(const std::array<std::array<Four, 4>, 3>& weight,
+                                     const std::array<const float*, 4>& values, std::size_t row,
+                                     std::size_t plane) {
+    using Floats = float __attribute__((vector_size(4 * sizeof(float))));
+    Four sum{};
+    for (std::size_t k = 0; k < 4; ++k)
+      for (std::size_t j = 0; j < 4; ++j) {
+        const std::size_t o = k * plane + j * row;
+        const auto of_x = [&](std::size_t i) {
+          const Floats here = {values[0][o + i], values[1][o + i], values[2][o + i],
+                               values[3][o + i]};
+          return weight[0][i] * __builtin_convertvector(here, Four);
+        };
+        const Four line = ((of_x(0) + of_x(1)) + of_x(2)) + of_x(3);
+        sum += weight[2][k] * weight[1][j] * line;
+      }
+    return {static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2]),
+            static_cast<float>(sum[3])};
   }
 
   const ImageVolume<float>& scan_;
@@ -353,9 +365,9 @@ Vec3 inwards_at(const WorkBox& box, const BandField& level, const Index3& index)
 
 double SurfaceProfiles::mean(std::size_t p, double from, double to) const {
   double sum = 0;
-  int count = 0;
-  for (int s = 0; s < samples; ++s)
-    if (x(s) >= from - 1e-9 && x(s) <= to + 1e-9) sum += of(p)[s], ++count;
+  int count = 0, s = std::max(0, before + static_cast<int>(from / step) - 2);
+  while (s < samples && x(s) < from - 1e-9) ++s;
+  for (; s < samples && x(s) <= to + 1e-9; ++s, ++count) sum += of(p)[s];
   return sum / count;
 }
 
@@ -383,12 +395,19 @@ SurfaceProfiles surface_profiles(const WorkBox& box, const ImageVolume<float>& s
   const double voxel = box.lattice.voxel;
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, profiles.count()), [&](const auto& range) {
     with_wide_vectors([&] {
+      std::array<Vec3, 4> at;
       for (std::size_t p = range.begin(); p < range.end(); ++p) {
         float* g = profiles.grey.data() + p * static_cast<std::size_t>(profiles.samples);
-        for (int s = 0; s < profiles.samples; ++s) {
-          const Vec3 at = profiles.voxel[p].cast<double>() +
-                          (profiles.zero[p] + profiles.x(s)) * profiles.inwards[p];
-          g[s] = cubic(first + to_scan * at * voxel);
+        for (int s = 0; s < profiles.samples; s += 4) {
+          const int count = std::min(4, profiles.samples - s);
+          for (int n = 0; n < 4; ++n) {
+            const double x = profiles.x(s + std::min(n, count - 1));
+            at[n] = first + to_scan *
+                                (profiles.voxel[p].cast<double>() +
+                                 (profiles.zero[p] + x) * profiles.inwards[p]) *
+                                voxel;
+          }
+          std::copy_n(cubic(at).data(), count, g + s);
         }
       }
     });

@@ -5,6 +5,7 @@
 // grey passes a border.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -49,8 +50,12 @@ struct SurfaceProfiles {
   void for_each_around(const Index3& at, const Work& work) const {
     for (int z = at.z() - 1; z <= at.z() + 1; ++z)
       for (int y = at.y() - 1; y <= at.y() + 1; ++y) {
-        auto [p, end] = row(y, z);
-        while (p < end && voxel[p].x() < at.x() - 1) ++p;
+        const auto [first, end] = row(y, z);
+        auto p = static_cast<std::size_t>(
+            std::partition_point(voxel.begin() + static_cast<std::ptrdiff_t>(first),
+                                 voxel.begin() + static_cast<std::ptrdiff_t>(end),
+                                 [&](const Index3& v) { return v.x() < at.x() - 1; }) -
+            voxel.begin());
         for (; p < end && voxel[p].x() <= at.x() + 1; ++p) work(p);
       }
   }
