@@ -92,7 +92,7 @@ class ContactModel {
   // The pieces of an element under way.
   struct Lanes;
   // Their axes.
-  struct HalfAxes4;
+  struct PieceAxes;
   // Four elements under way that are looked at as a whole.
   struct Look;
   // What a look needs to know of an element, four numbers at a time (mm, B).
@@ -134,7 +134,7 @@ class ContactModel {
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void cover_tooth(const Scan& scan, int i, const Pieces& pieces, int first, Lanes& lanes) noexcept;
-  void share_tissues(const Scan& scan, const HalfAxes4& axes, const Pieces& pieces, int first,
+  void share_tissues(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
                      const Int4& counts, const Int4& only, KeptTissues& kept,
                      Lanes& lanes) const noexcept;
   ContactSet::FourElements middles(const Pieces& pieces, int first,

@@ -24,6 +24,9 @@ constexpr float kStands = 0.5f;
 // rest, a hundredth of a voxel, keeps a bur that rests in what it has cut itself in touch with it.
 constexpr float kTakenBack = 0.9f;
 
+// The wall that a convex bur left stands out by at most this part of D² times the sum of its curvatures.
+constexpr float kWallAtMost = 1.0f / 12;
+
 constexpr float kLeastShare = 1e-4f;  // of a piece: less is nothing
 
 // The cell of an index coordinate beside the tip's voxel. Cutting towards zero is floor for what is
@@ -149,6 +152,51 @@ struct ContactModel::Lanes {
   void note_crossing(const Int4& counts, const Float4& value, const Float4& range_along,
                      const Float4& range_around, const Float4& along_way);
 };
+
+// Four pieces: half of each along its axes, and how they bend away from these (B, mm).
+struct ContactModel::PieceAxes {
+  Float4 along_x, along_y, along_z, around_x, around_y;
+  Float4 bent_along_x, bent_along_y, bent_along_z, bent_around_x, bent_around_y;
+
+  PieceAxes(const Pieces& pieces, int first, float curvature_along) {
+    const float along = pieces.half_along[first], around = pieces.half_around[first];
+    along_x = along * load4(&pieces.lx[first]), along_y = along * load4(&pieces.ly[first]);
+    along_z = along * load4(&pieces.lz[first]);
+    around_x = around * load4(&pieces.tx[first]), around_y = around * load4(&pieces.ty[first]);
+    const float bend = -0.5f * curvature_along * along * along;
+    bent_along_x = bend * load4(&pieces.nx[first]), bent_along_y = bend * load4(&pieces.ny[first]);
+    bent_along_z = bend * load4(&pieces.nz[first]);
+    const Float4 x = load4(&pieces.x[first]), y = load4(&pieces.y[first]);
+    const Float4 per_radius = -0.5f * around * around / (x * x + y * y);
+    bent_around_x = per_radius * x, bent_around_y = per_radius * y;
+  }
+
+  // By how much a field with gradient g (B, per mm) changes over half of a piece.
+  Float4 along(const FourSamples& g) const {
+    return g.gx * along_x + g.gy * along_y + g.gz * along_z;
+  }
+  Float4 around(const FourSamples& g) const { return g.gx * around_x + g.gy * around_y; }
+  // And because of the bend.
+  Float4 bent_along(const FourSamples& g) const {
+    return g.gx * bent_along_x + g.gy * bent_along_y + g.gz * bent_along_z;
+  }
+  Float4 bent_around(const FourSamples& g) const {
+    return g.gx * bent_around_x + g.gy * bent_around_y;
+  }
+};
+
+// Of a field c + a x + b y + d x² + e y² over [-1, 1]²: the value in the middle of the one without d
+// and e whose zero divides the piece alike. To second order: with x² and y² as they are on average
+// along that line.
+inline Float4 straightened(const Float4& c, const Float4& a, const Float4& b, const Float4& d,
+                           const Float4& e) {
+  const Float4 abs_a = magnitude(a), abs_b = magnitude(b);
+  const Float4 larger = greatest(greatest(abs_a, abs_b), all4(kLeastExtent));
+  const Float4 at = c / larger, slant = least(abs_a, abs_b) / larger, third = all4(1.0f / 3);
+  const Float4 across = least(at * at + third * slant * slant, all4(1));
+  const Int4 along = abs_a > abs_b;
+  return c + d * (along ? across : third) + e * (along ? third : across);
+}
 
 // What was found of a piece stands until a share may have changed by this, and a whole sample in which it
 // counts until one may have changed by that.

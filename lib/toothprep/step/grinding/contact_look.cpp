@@ -210,7 +210,10 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
                     !floor_at_edge(scan, p, s);
   found_[i] = Found::kCrossed;
   float left = std::min(s.left[p], kCrossedStanding * voxel);
-  if (standing.only != 0 && standing.inside_tooth && value <= -extent && clear >= 0) {
+  const float wall_stands_out =
+      kWallAtMost * voxel * voxel * (elements_.curvature_along[i] + elements_.curvature_around[i]);
+  if (standing.only != 0 && standing.inside_tooth && value <= -extent - wall_stands_out &&
+      clear >= 0) {
     found_[i] = Found::kInside;
     left = std::min(left / kCrossedStanding * kMostStanding, kStands * clear);
   }

@@ -17,9 +17,7 @@ constexpr float kWall = 1.0f / 36;
 // sample farther ahead finds it too: there the surface bends away from fresh tissue, and the wall of
 // a slot that is passed again is as near as ever.
 constexpr float kParallel = 0.15f;
-// The wall that a convex bur left stands out by at most D²/12 times the sum of its curvatures; but
-// no more is asked for than this part of the depth at which fresh tissue is found.
-constexpr float kWallAtMost = 1.0f / 12;
+// No more is asked for than this part of the depth at which fresh tissue is found.
 constexpr float kFresh = 0.5f;
 // What a sharp edge left stands out by more (voxels): the lattice rounds corners, and there are ridges
 // between the sub-poses of a sweep. It lies towards the edge, where
@@ -33,6 +31,8 @@ constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way at most what was found of a piece stands: between voxels a gradient changes.
 constexpr double kSettledVoxels = 0.1;
 constexpr float kUnbounded = 1e3f;  // mm of way
+// Of places spread evenly, over half of their range squared.
+constexpr float kVariance = 1.0f / 3;
 
 // By how much (mm) the floor that a sharp edge left is too high at that edge, from the field's value in
 // the middle of pieces there and its rise from the edge to the middle. Only a thin chip can be such a
@@ -171,23 +171,32 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
 // The part of each piece that is covered by what remains under the cut.
 void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, KeptCells& farther,
                          Lanes& s) const noexcept {
-  const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
-               lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
-               ty = load4(&pieces.ty[first]);
-  const float along = pieces.half_along[first], around = pieces.half_around[first];
+  const PieceAxes axes(pieces, first, s.curvature_along);
   const float ka = s.curvature_along, kt = s.curvature_around;
   const auto voxel = static_cast<float>(scan.workpiece.voxel());
   const float wall = kWall * voxel * voxel * (ka + kt);
+  const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
+  // A wall that was swept along the motion is curved across it, as the bur is.
+  const auto part_of = [&](const Float4& value, const Float4& along, const Float4& around,
+                           const FourSamples& g) {
+    const Float4 x = per_speed * (g.gy * s.uz - g.gz * s.uy),
+                 y = per_speed * (g.gz * s.ux - g.gx * s.uz),
+                 z = per_speed * (g.gx * s.uy - g.gy * s.ux);
+    const Float4 l = axes.along_x * x + axes.along_y * y + axes.along_z * z,
+                 t = axes.around_x * x + axes.around_y * y;
+    const Float4 straight =
+        straightened(value, along, around, axes.bent_along(g) - 0.5f * ka * l * l,
+                     axes.bent_around(g) - 0.5f * kt * t * t);
+    return covered_part<Float4>(straight, along, around);
+  };
 
   // As it is at the surface: a wall that was ground before counts no earlier than it is reached.
-  const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
   const IndexFrame& f = scan.frame;
   const FourSamples here = f.gradients(s.cells->cells.at(s.fx, s.fy, s.fz));
   const Float4 rise = per_speed * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
   const Float4 surface = here.value + wall - kTakenBack * scan.reach * rise;
-  const Float4 near_along = (here.gx * lx + here.gy * ly + here.gz * lz) * along,
-               near_around = (here.gx * tx + here.gy * ty) * around;
-  const CoveredPart<Float4> near = covered_part<Float4>(surface, near_along, near_around);
+  const Float4 near_along = axes.along(here), near_around = axes.around(here);
+  const CoveredPart<Float4> near = part_of(surface, near_along, near_around, here);
   s.note_crossing(s.live, surface, near_along, near_around, rise);
   s.share = s.live ? near.share : Float4{};
   s.x = near.x, s.y = near.y;
@@ -203,11 +212,12 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
   const Float4 value = farther.live ? there.value + wall : all4(-1e3f);
   const Float4 rise_there = per_speed * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
   const Float4 back = value - look_ahead * rise_there;
-  const Float4 range_along = (there.gx * lx + there.gy * ly + there.gz * lz) * along,
-               range_around = (there.gx * tx + there.gy * ty) * around;
+  const Float4 range_along = axes.along(there), range_around = axes.around(there);
   // How much the surface is curved along the motion.
-  const Float4 vl = (s.ux * lx + s.uy * ly + s.uz * lz) * per_speed,
-               vt = (s.ux * tx + s.uy * ty) * per_speed;
+  const Float4 vl = (s.ux * axes.along_x + s.uy * axes.along_y + s.uz * axes.along_z) *
+                    (per_speed / pieces.half_along[first]),
+               vt = (s.ux * axes.around_x + s.uy * axes.around_y) *
+                    (per_speed / pieces.half_around[first]);
   const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
   const Float4 towards_edge = range_along * range_along;
   // What an edge left runs along the motion.
@@ -228,8 +238,8 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
   s.note_crossing(s.live, hidden, range_along, range_around, rise_there);
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
   const CoveredPart<Float4> far =
-      covered_part<Float4>(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden,
-                           range_along, range_around);
+      part_of(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden, range_along,
+              range_around, there);
   const Int4 less = far.share < s.share;
   s.share = less ? far.share : s.share;
   s.x = less ? far.x : s.x;
@@ -253,7 +263,8 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
   s.share = partly ? s.share * part.share : s.share;
 }
 
-// The middle of what is covered of each piece, to first order.
+// The middle of what is covered of each piece, with the mean normal there; and the arm that makes the mean
+// torque of it.
 ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
                                                const Lanes& s) const noexcept {
   const Float4 nx = load4(&pieces.nx[first]), ny = load4(&pieces.ny[first]),
@@ -272,11 +283,29 @@ ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
   e.tx = tx - round * px;
   e.ty = ty - round * py;
   const Float4 x = px + da * lx + dt * tx, y = py + da * ly + dt * ty, z = pz + da * lz;
+  e.arm = radius + da * lr;
+  // Half the variance of the places around and along the profile, about the middle of the piece.
+  const Float4 wide = pieces.half_around[first] * (1 - magnitude(s.y)),
+               long_ = pieces.half_along[first] * (1 - magnitude(s.x));
+  const Float4 spread_around = 0.5f * (dt * dt + kVariance * wide * wide),
+               spread_along = 0.5f * (da * da + kVariance * long_ * long_);
+  if (s.curvature_along != 0) {
+    const float k = s.curvature_along;
+    const Float4 advance = s.ux * e.nx + s.uy * e.ny + s.uz * e.nz,
+                 change = k * long_ * (s.ux * lx + s.uy * ly + s.uz * lz);
+    // Both r and v·n grow along the profile, or fall; v·n is nowhere negative in what counts.
+    const Float4 together =
+        greatest(least(change / greatest(advance, all4(kLeastExtent)), all4(1)), all4(-1));
+    e.arm += kVariance * lr * long_ * together - k * (nx * px + ny * py) / radius * spread_along;
+    const Float4 mean = 1 - k * k * spread_along;
+    e.nx *= mean, e.ny *= mean, e.nz *= mean;
+  }
+  const Float4 mean = 1 - spread_around / (radius * radius);
+  e.nx *= mean, e.ny *= mean;
   e.mx = y * e.nz - z * e.ny;
   e.my = z * e.nx - x * e.nz;
   e.mz = x * e.ny - y * e.nx;
   e.weight = load4(&pieces.weight[first]);
-  e.arm = radius + da * lr;
   return e;
 }
 

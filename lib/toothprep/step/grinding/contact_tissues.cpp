@@ -79,28 +79,6 @@ void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& 
 
 }  // namespace
 
-// The axes of four pieces in index space, scaled by half their extents.
-struct ContactModel::HalfAxes4 {
-  Float4 along[3], around[3];
-
-  HalfAxes4(const IndexFrame& f, const Pieces& pieces, int first) {
-    const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
-                 lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
-                 ty = load4(&pieces.ty[first]);
-    const float* a = f.a;
-    for (int k = 0; k < 3; ++k, a += 3) {
-      along[k] = pieces.half_along[first] * (a[0] * lx + a[1] * ly + a[2] * lz);
-      around[k] = pieces.half_around[first] * (a[0] * tx + a[1] * ty + a[2] * Float4{});
-    }
-  }
-  Float4 range_along(const FourSamples& s) const {
-    return s.gx * along[0] + s.gy * along[1] + s.gz * along[2];
-  }
-  Float4 range_around(const FourSamples& s) const {
-    return s.gx * around[0] + s.gy * around[1] + s.gz * around[2];
-  }
-};
-
 // What is covered of the pieces lies in the tooth in part, and in which tissue.
 void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, int first,
                                Lanes& s) noexcept {
@@ -113,14 +91,15 @@ void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, in
     at_surface[p] = standing.inside_tooth || workpiece.deep(b) ? 0 : -1;
     only[p] = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
   }
-  const HalfAxes4 axes(scan.frame, pieces, first);
+  const PieceAxes axes(pieces, first, s.curvature_along);
   KeptTissues& kept = tissues_[i];
   kept.move_to(s.cells->x, s.cells->y, s.cells->z);
   if (any(at_surface)) {
     kept.read_solid(workpiece, at_surface);
-    const FourSamples solid = kept.solid.at(s.fx, s.fy, s.fz);
-    const Float4 value = at_surface4(solid, s.ahead), along = axes.range_along(solid),
-                 around = axes.range_around(solid);
+    const FourSamples solid = kept.solid.at(s.fx, s.fy, s.fz), g = scan.frame.gradients(solid);
+    const Float4 along = axes.along(g), around = axes.around(g);
+    const Float4 value = straightened(at_surface4(solid, s.ahead), along, around,
+                                      axes.bent_along(g), axes.bent_around(g));
     const CoveredPart<Float4> part = covered_part<Float4>(value, along, around);
     const Int4 less = at_surface & (part.share < s.share);
     s.x = less ? part.x : s.x;
@@ -137,7 +116,7 @@ void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, in
 
 // How what is covered of the pieces that count is shared among the tissues: by their level sets four at
 // a time, where these tell.
-void ContactModel::share_tissues(const Scan& scan, const HalfAxes4& axes, const Pieces& pieces,
+void ContactModel::share_tissues(const Scan& scan, const PieceAxes& axes, const Pieces& pieces,
                                  int first, const Int4& counts, const Int4& only, KeptTissues& kept,
                                  Lanes& s) const noexcept {
   const Int4 wanted = counts & (only == 0);
@@ -147,8 +126,11 @@ void ContactModel::share_tissues(const Scan& scan, const HalfAxes4& axes, const 
     kept.read_tissues(scan.workpiece, wanted);
     for (int k = 0; k < KeptTissues::kFields; ++k) {
       const FourSamples field = kept.tissues[k].at(s.fx, s.fy, s.fz);
-      const Float4 along = axes.range_along(field), around = axes.range_around(field);
-      const Float4 value = at_surface4(field, s.ahead) + along * s.x + around * s.y;
+      const FourSamples g = scan.frame.gradients(field);
+      const Float4 along = axes.along(g), around = axes.around(g);
+      const Float4 middle = straightened(at_surface4(field, s.ahead), along, around,
+                                         axes.bent_along(g), axes.bent_around(g));
+      const Float4 value = middle + along * s.x + around * s.y;
       const Float4 extent = range_over_covered(along, around, s.x, s.y);
       const Float4 share = 0.5f - 0.5f * value / greatest(extent, all4(kLeastExtent));
       s.of_tissue[k] = least(greatest(share, Float4{}), all4(1));
