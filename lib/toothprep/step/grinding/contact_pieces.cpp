@@ -286,17 +286,17 @@ ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
   e.arm = radius + da * lr;
   // Half the variance of the places around and along the profile, about the middle of the piece.
   const Float4 wide = pieces.half_around[first] * (1 - magnitude(s.y)),
-               long_ = pieces.half_along[first] * (1 - magnitude(s.x));
+               high = pieces.half_along[first] * (1 - magnitude(s.x));
   const Float4 spread_around = 0.5f * (dt * dt + kVariance * wide * wide),
-               spread_along = 0.5f * (da * da + kVariance * long_ * long_);
+               spread_along = 0.5f * (da * da + kVariance * high * high);
   if (s.curvature_along != 0) {
     const float k = s.curvature_along;
     const Float4 advance = s.ux * e.nx + s.uy * e.ny + s.uz * e.nz,
-                 change = k * long_ * (s.ux * lx + s.uy * ly + s.uz * lz);
+                 change = k * high * (s.ux * lx + s.uy * ly + s.uz * lz);
     // Both r and v·n grow along the profile, or fall; v·n is nowhere negative in what counts.
     const Float4 together =
         greatest(least(change / greatest(advance, all4(kLeastExtent)), all4(1)), all4(-1));
-    e.arm += kVariance * lr * long_ * together - k * (nx * px + ny * py) / radius * spread_along;
+    e.arm += kVariance * lr * high * together - k * (nx * px + ny * py) / radius * spread_along;
     const Float4 mean = 1 - k * k * spread_along;
     e.nx *= mean, e.ny *= mean, e.nz *= mean;
   }
