@@ -51,7 +51,8 @@ PathError path_error(double voxel, double element_size, const Pose& frame) {
   return e;
 }
 
-TEST(Convergence, WholePathErrorIsBelow1PercentAndFallsWhenVoxelAndElementHalve) {
+// Elements of a quarter of a voxel. What is left is what a sample may stand for, a hundredth of a piece.
+TEST(Convergence, WholePathErrorIsBelowAHundredthOfAPercentAtEveryVoxelSize) {
   // Entry, enamel, crossing, dentin; along the grid and turned to it.
   for (const Pose& frame :
        {Pose{}, Pose{Vec3(0.3, 0.1, -0.2),
@@ -62,9 +63,10 @@ TEST(Convergence, WholePathErrorIsBelow1PercentAndFallsWhenVoxelAndElementHalve)
          {std::pair(0.2, coarse), std::pair(0.1, middle), std::pair(0.05, fine)})
       std::printf("whole path at %.2f mm voxels: RMS %.3f %%, worst %.2f %%\n", size, 100 * e.rms,
                   100 * e.worst);
-    EXPECT_LT(middle.rms, 0.01);
-    EXPECT_LT(middle.rms, coarse.rms);
-    EXPECT_LT(fine.rms, middle.rms);
+    for (const PathError& e : {coarse, middle, fine}) {
+      EXPECT_LT(e.rms, 1e-4);
+      EXPECT_LT(e.worst, 5e-3);
+    }
   }
 }
 

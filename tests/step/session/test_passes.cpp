@@ -499,7 +499,7 @@ TEST(OverlappingPasses, WhatIsGroundAsideAndBackInPlaceIsGroundOnce) {
     double aside, voxel, first, later;
   };
   for (const Case c :
-       {Case{0.04, 0.1, 0.005, 0.1}, {0.07, 0.1, 0.005, 0.03}, {0.04, 0.05, 0.015, 0.002}}) {
+       {Case{0.04, 0.1, 0.005, 0.1}, {0.07, 0.1, 0.005, 0.03}, {0.04, 0.05, 0.012, 0.002}}) {
     const std::vector<double> work = work_aside_and_back(c.aside, c.voxel);
     std::printf("aside by %.2f mm at %.2f mm: %.4f %.4f %.4f %.4f of the energy\n", c.aside,
                 c.voxel, work[0], work[1], work[2], work[3]);

@@ -184,9 +184,11 @@ void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, Kept
                  z = per_speed * (g.gx * s.uy - g.gy * s.ux);
     const Float4 l = axes.along_x * x + axes.along_y * y + axes.along_z * z,
                  t = axes.around_x * x + axes.around_y * y;
+    // What the bur is fed against is its own print, as curved as it is.
+    const Float4 beside = least(x * x + y * y + z * z, all4(1));
     const Float4 straight =
-        straightened(value, along, around, axes.bent_along(g) - 0.5f * ka * l * l,
-                     axes.bent_around(g) - 0.5f * kt * t * t);
+        straightened(value, along, around, beside * (axes.bent_along(g) - 0.5f * ka * l * l),
+                     beside * (axes.bent_around(g) - 0.5f * kt * t * t));
     return covered_part<Float4>(straight, along, around);
   };
 
