@@ -17,7 +17,8 @@ constexpr float kWall = 1.0f / 36;
 // sample farther ahead finds it too: there the surface bends away from fresh tissue, and the wall of
 // a slot that is passed again is as near as ever.
 constexpr float kParallel = 0.15f;
-// No more is asked for than this part of the depth at which fresh tissue is found.
+// Of tissue beside a wall that stands out (kWallAtMost) no more is asked for than this part of the depth at
+// which fresh tissue is found.
 constexpr float kFresh = 0.5f;
 // What a sharp edge left stands out by more (voxels): the lattice rounds corners, and there are ridges
 // between the sub-poses of a sweep. It lies towards the edge, where
