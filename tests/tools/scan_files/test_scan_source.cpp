@@ -1,7 +1,10 @@
 // Scans read in pieces: the same values whatever the pieces, and damage reported when it is met.
 #include <zlib.h>
 
+#include <array>
+#include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "../../support/scan_files.h"
 #include "toothprep/tools/scan_files/byte_stream.h"
@@ -40,6 +43,25 @@ TEST_F(ScanSources, GiveTheSameSlicesInAnyOrderFromEveryFormat) {
   }
 }
 
+TEST_F(ScanSources, GiveThePartThatIsAskedFor) {
+  const auto image = long_image();
+  fs::create_directories(path("series"));
+  write_dicom_series(image, path("series"));
+  for (const char* name : {"a.nrrd", "a.mha", "a.nii", "a.nii.gz"}) write_image(image, path(name));
+  const VoxelRange part{Index3(3, 5, 20), Index3(33, 28, 24)};
+  for (const char* name : {"a.nrrd", "a.mha", "a.nii", "a.nii.gz", "series"}) {
+    const auto source = open_scan(path(name));
+    EXPECT_LE(source->whole_up_to(), 65536) << name;
+    std::vector<float> values(static_cast<std::size_t>(part.size().prod()));
+    source->read_part(part, values.data());
+    std::size_t v = 0;
+    for (int k = part.first.z(); k <= part.last.z(); ++k)
+      for (int j = part.first.y(); j <= part.last.y(); ++j)
+        for (int i = part.first.x(); i <= part.last.x(); ++i)
+          ASSERT_EQ(values[v++], image.at(i, j, k)) << name;
+  }
+}
+
 TEST_F(ScanSources, RescaledNiftiHasItsSlopeAndIntercept) {
   const auto image = some_image();
   write_image(image, path("a.nii"));
@@ -47,7 +69,8 @@ TEST_F(ScanSources, RescaledNiftiHasItsSlopeAndIntercept) {
   const float slope = 0.5f, intercept = -100.25f;
   std::memcpy(bytes.data() + 112, &slope, 4);
   std::memcpy(bytes.data() + 116, &intercept, 4);
-  const auto read = read_scan(write("b.nii", bytes));
+  EXPECT_FALSE(std::isfinite(open_scan(write("b.nii", bytes))->whole_up_to()));
+  const auto read = read_scan(path("b.nii"));
   for (std::size_t v = 0; v < read.data.size(); ++v)
     ASSERT_EQ(read.data[v], 0.5f * static_cast<float>(image.data[v]) - 100.25f);
 }
@@ -134,9 +157,16 @@ TEST(BlockMeans, AreMeansInPlaceHoweverSlicesComeGrouped) {
   const VoxelRange part{Index3(1, 2, 3), Index3(9, 8, 11)};
   ImageVolume<float> first;
   for (const int group : {1, 4, 13}) {
-    BlockMeans means(scan, part, Index3(2, 3, 4));
-    for (int k = 0; k < 13; k += group)
-      means.add(k, std::min(group, 13 - k), scan.data.data() + scan.offset(0, 0, k));
+    BlockMeans means(scan, part, Index3(2, 3, 4), std::numeric_limits<double>::infinity());
+    const auto source = source_of(scan);
+    for (int k = part.first.z(); k <= part.last.z(); k += group) {
+      VoxelRange slices = part;
+      slices.first.z() = k;
+      slices.last.z() = std::min(k + group - 1, part.last.z());
+      std::vector<float> values(static_cast<std::size_t>(slices.size().prod()));
+      source->read_part(slices, values.data());
+      means.add(k, slices.size().z(), values.data());
+    }
     const ImageVolume<float> coarse = means.take();
     ASSERT_EQ(coarse.size, Index3(4, 2, 2));
     for (int k = 0; k < 2; ++k)
@@ -145,6 +175,24 @@ TEST(BlockMeans, AreMeansInPlaceHoweverSlicesComeGrouped) {
           EXPECT_NEAR(coarse.at(i, j, k), coarse.to_world(Vec3(i, j, k)).dot(Vec3(1, 2, -1)), 1e-5);
     if (group == 1) first = coarse;
     EXPECT_EQ(coarse.data, first.data);
+  }
+}
+
+// Sums of whole numbers below 2^24 don't depend on their order.
+TEST(BlockMeans, OfWholeNumbersAreTheSameInWhicheverOrder) {
+  ImageVolume<float> scan;
+  scan.size = Index3(23, 17, 12);
+  for (std::size_t v = 0; v < scan.voxels(); ++v)
+    scan.data.push_back(static_cast<float>(v * 7919 % 65536) - 32768);
+  for (const Index3& block : {Index3(2, 2, 2), Index3(1, 3, 2), Index3(6, 6, 6)}) {
+    std::array<std::vector<float>, 2> means;
+    for (std::size_t n = 0; n < 2; ++n) {
+      BlockMeans of(scan, whole_of(scan), block,
+                    n == 0 ? 32768 : std::numeric_limits<double>::infinity());
+      of.add(0, scan.size.z(), scan.data.data());
+      means[n] = of.take().data;
+    }
+    EXPECT_EQ(means[0], means[1]);
   }
 }
 

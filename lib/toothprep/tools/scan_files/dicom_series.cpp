@@ -536,6 +536,16 @@ class Slices : public ScanSource {
     });
   }
 
+  double whole_up_to() const override {
+    double most = 0;
+    for (const Slice& slice : series_.slices) {
+      const DicomFrame& frame = slice.header->frames[slice.frame];
+      most = std::max(most, image::whole_up_to(std::exp2(slice.header->bits_stored), frame.slope,
+                                               frame.intercept));
+    }
+    return most;
+  }
+
   std::vector<std::string> notes() const override {
     std::vector<std::string> notes = notes_;
     if (lossy_) notes.push_back("the scan was compressed with loss: greys and edges are not exact");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <sstream>
 
 #include "toothprep/step/core/errors.h"
@@ -18,6 +19,13 @@ const std::string kBlanks(" \t\r\n\0", 5);
 }  // namespace
 
 double voxel_count(const Index3& size) { return size.cast<double>().prod(); }
+
+double whole_up_to(double most, double slope, double intercept) {
+  constexpr double kExact = 1 << 24;  // up to here single precision has all whole numbers
+  const double bound = most * std::abs(slope) + std::abs(intercept);
+  const bool whole = std::trunc(slope) == slope && std::trunc(intercept) == intercept;
+  return whole && bound <= kExact ? bound : std::numeric_limits<double>::infinity();
+}
 
 std::string lower(std::string text) {
   std::transform(text.begin(), text.end(), text.begin(),

@@ -18,6 +18,8 @@ std::string number(double value);
 std::string count_text(double count);     // a whole number, all its digits
 std::string size_of(const Index3& size);  // "512 x 512 x 300"
 double voxel_count(const Index3& size);
+// Of whole numbers up to `most`, rescaled: ScanSource::whole_up_to().
+double whole_up_to(double most, double slope, double intercept);
 
 // Each of these throws InputError with `path` if it finds something.
 void check_size(const std::string& path, const std::array<double, 3>& size);

@@ -56,6 +56,28 @@ class Owning : private Held, public InMemory {
 
 }  // namespace
 
+std::size_t ScanSource::voxels_at_once() const { return kSlabVoxels; }
+
+void ScanSource::read_part(const VoxelRange& part, float* values) {
+  const Index3 all = frame_.size, size = part.size();
+  if (size.x() == all.x() && size.y() == all.y()) return read(part.first.z(), size.z(), values);
+  const std::size_t area = static_cast<std::size_t>(all.x()) * all.y();
+  // Of wide slices, of which little is wanted, only few at a time.
+  const int most = std::clamp(static_cast<int>(kSlabVoxels / area), 1, size.z());
+  std::vector<float> slices(area * static_cast<std::size_t>(most));
+  for (int done = 0; done < size.z(); done += most) {
+    const int some = std::min(most, size.z() - done);
+    read(part.first.z() + done, some, slices.data());
+    for (int k = 0; k < some; ++k)
+      for (int j = 0; j < size.y(); ++j, values += size.x())
+        std::copy_n(slices.data() + static_cast<std::size_t>(k) * area +
+                        static_cast<std::size_t>(part.first.y() + j) * all.x() + part.first.x(),
+                    size.x(), values);
+  }
+}
+
+VoxelRange whole_of(const ImageFrame& scan) { return {Index3::Zero(), scan.size - Index3::Ones()}; }
+
 std::unique_ptr<ScanSource> source_of(const ImageVolume<float>& volume, std::string path) {
   return std::make_unique<InMemory>(volume, std::move(path));
 }
@@ -65,18 +87,18 @@ std::unique_ptr<ScanSource> owning_source(ImageVolume<float> volume, std::string
   return std::make_unique<Owning>(std::move(volume), std::move(path), std::move(notes));
 }
 
-void for_each_slab(ScanSource& source, int first, int last, const VisitSlab& visit,
+void for_each_slab(ScanSource& source, const VoxelRange& part, const VisitSlab& visit,
                    const std::function<void(double)>& progress) {
-  const Index3 size = source.frame().size;
+  const Index3 size = part.size();
   const std::size_t area = static_cast<std::size_t>(size.x()) * size.y();
-  const int slices = last + 1 - first;
-  const int thickness = std::clamp(static_cast<int>(kSlabVoxels / area), 1, slices);
+  const int thickness = std::clamp(static_cast<int>(source.voxels_at_once() / area), 1, size.z());
   std::vector<float> values(area * static_cast<std::size_t>(thickness));
-  for (int k = first; k <= last; k += thickness) {
-    if (progress) progress(static_cast<double>(k - first) / slices);
-    const int count = std::min(thickness, last + 1 - k);
-    source.read(k, count, values.data());
-    visit(k, count, values.data());
+  VoxelRange slab = part;
+  for (int& k = slab.first.z(); k <= part.last.z(); k += thickness) {
+    if (progress) progress(static_cast<double>(k - part.first.z()) / size.z());
+    slab.last.z() = std::min(k + thickness - 1, part.last.z());
+    source.read_part(slab, values.data());
+    visit(k, slab.size().z(), values.data());
   }
 }
 
@@ -86,10 +108,11 @@ void for_each_slab(ScanSource& source, const VisitSlab& visit,
   image::check_voxels(source.path(), size);
   const std::size_t area = static_cast<std::size_t>(size.x()) * size.y();
   std::atomic<std::size_t> bad = 0;
+  const bool finite = std::isfinite(source.whole_up_to());
   for_each_slab(
-      source, 0, size.z() - 1,
+      source, whole_of(source.frame()),
       [&](int first, int count, const float* values) {
-        tbb::parallel_for(0, count, [&](int k) {
+        tbb::parallel_for(0, finite ? 0 : count, [&](int k) {
           const float* slice = values + static_cast<std::size_t>(k) * area;
           std::size_t found = 0;  // by the exponent's bits: this way the loop is a vector's
           for (std::size_t v = 0; v < area; ++v)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -11,6 +12,11 @@
 #include "toothprep/tools/io/image_volume.h"
 
 namespace toothprep {
+
+struct VoxelRange {
+  Index3 first, last;  // inclusive
+  [[nodiscard]] Index3 size() const { return last - first + Index3::Ones(); }
+};
 
 class ScanSource {  // a scan that is read slab by slab
  public:
@@ -25,6 +31,18 @@ class ScanSource {  // a scan that is read slab by slab
   // (count * size.x * size.y). Going up through the slices is what every source does at its best.
   // Throws InputError for values that are not there or cannot be decoded.
   virtual void read(int first, int count, float* values) = 0;
+
+  // Of these slices only the part's voxels, x fastest.
+  virtual void read_part(const VoxelRange& part, float* values);
+
+  // So many are best read at a time: slices enough to be decoded side by side, or few enough to stay in the
+  // processor's cache.
+  [[nodiscard]] virtual std::size_t voxels_at_once() const;
+
+  // All values are whole numbers of at most this magnitude; infinity where that isn't known.
+  [[nodiscard]] virtual double whole_up_to() const {
+    return std::numeric_limits<double>::infinity();
+  }
 
   // Throws InputError if what was not read shows damage: the end of a compressed stream, with its
   // checksum. For after the last slice that is read.
@@ -44,6 +62,9 @@ class ScanSource {  // a scan that is read slab by slab
   ImageFrame frame_;
 };
 
+// The whole scan.
+VoxelRange whole_of(const ImageFrame& scan);
+
 // A volume that is in memory already; it must live as long as what is returned.
 std::unique_ptr<ScanSource> source_of(const ImageVolume<float>& volume, std::string path = {});
 
@@ -51,7 +72,7 @@ std::unique_ptr<ScanSource> source_of(const ImageVolume<float>& volume, std::str
 std::unique_ptr<ScanSource> owning_source(ImageVolume<float> volume, std::string path,
                                           std::vector<std::string> notes = {});
 
-// visit(first, count, values) for all slices, upwards, in slabs of a few dozen MB; the calls' slabs
+// visit(first, count, values) for all slices, upwards, in slabs of a few dozen MB at most; the calls' slabs
 // differ only in how the slices are grouped. `progress` gets the share that is read (0..1).
 // Throws InputError for more than 2^31 voxels, and after the last slab if a value was NaN or infinite
 // or the rest of the file shows damage.
@@ -59,8 +80,9 @@ using VisitSlab = std::function<void(int first, int count, const float* values)>
 void for_each_slab(ScanSource& source, const VisitSlab& visit,
                    const std::function<void(double)>& progress = {});
 
-// The same of slices `first` .. `last` only, whose values are not checked.
-void for_each_slab(ScanSource& source, int first, int last, const VisitSlab& visit,
+// The same of a part only: visit() gets the part's voxels, of slices counted from the scan's first. The values are
+// not checked.
+void for_each_slab(ScanSource& source, const VoxelRange& part, const VisitSlab& visit,
                    const std::function<void(double)>& progress = {});
 
 // All of it at once; checked as for_each_slab does.

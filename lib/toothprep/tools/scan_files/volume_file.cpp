@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <functional>
+#include <limits>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/memory_limit.h"
@@ -139,6 +141,14 @@ int chosen_part(const std::string& path, const Parts& parts, std::optional<int> 
 // Of voxels whose values follow each other as components, all of one kind.
 template <class T>
 void take(const char* bytes, std::size_t step, bool swapped, std::size_t count, float* values) {
+  if (step == 1 && !swapped) {  // by vectors
+    for (std::size_t i = 0; i < count; ++i) {
+      T value;
+      std::memcpy(&value, bytes + i * sizeof(T), sizeof(T));
+      values[i] = static_cast<float>(value);
+    }
+    return;
+  }
   for (std::size_t i = 0; i < count; ++i) {
     T value;
     const char* from = bytes + i * step * sizeof(T);
@@ -206,10 +216,28 @@ std::size_t bytes_of(itk::IOComponentEnum type) {
   }
 }
 
+// The largest magnitude of the type's values, if they are whole numbers that single precision has, too.
+double most_of(itk::IOComponentEnum type) {
+  using itk::IOComponentEnum;
+  switch (type) {
+    case IOComponentEnum::UCHAR:
+      return 255;
+    case IOComponentEnum::CHAR:
+      return 128;
+    case IOComponentEnum::USHORT:
+      return 65535;
+    case IOComponentEnum::SHORT:
+      return 32768;
+    default:
+      return std::numeric_limits<double>::infinity();
+  }
+}
+
 // How the values of one component follow each other.
 struct Layout {
   Take take = nullptr;
   std::size_t value_bytes = 0;
+  double most = 0;                  // most_of() their type
   std::size_t first = 0, step = 1;  // values
   std::size_t all = 0;              // values of all components and volumes
 };
@@ -252,40 +280,87 @@ class InFile : public ScanSource {
         stream_(place.files[0], place.starts, place.deflated) {}
 
   void read(int first, int count, float* values) override {
-    const Index3 size = frame().size;
-    const std::size_t area = static_cast<std::size_t>(size.x()) * size.y();
-    // The last voxel of a slice need not be followed by its other components.
-    const std::size_t bytes = ((area - 1) * layout_.step + 1) * layout_.value_bytes;
-    const auto slice = [&](int k, std::vector<char>& buffer) {
-      const auto at = static_cast<std::size_t>(first + k) * area * layout_.step + layout_.first;
-      buffer.resize(bytes);
-      if (!stream_.read(place_.offset + at * layout_.value_bytes, bytes, buffer.data()))
-        throw stream_.damaged() ? damaged(path()) : other_length(path(), layout_, "fewer");
-    };
-    const auto convert = [&](int k, const std::vector<char>& buffer) {
-      float* to = values + static_cast<std::size_t>(k) * area;
-      const bool swapped = place_.big_endian != (std::endian::native == std::endian::big);
-      layout_.take(buffer.data(), layout_.step, swapped, area, to);
-      if (place_.slope == 1 && place_.intercept == 0) return;
-      for (std::size_t v = 0; v < area; ++v)
-        to[v] = static_cast<float>(static_cast<double>(to[v]) * place_.slope + place_.intercept);
+    VoxelRange slices = whole_of(frame());
+    slices.first.z() = first;
+    slices.last.z() = first + count - 1;
+    read_part(slices, values);
+  }
+
+  void read_part(const VoxelRange& part, float* values) override {
+    const int rows = part.size().y(), slices = part.size().z();
+    const std::size_t row = static_cast<std::size_t>(part.size().x());
+    const auto place = [&](int k, int j) {
+      return values + (static_cast<std::size_t>(k) * rows + j) * row;
     };
     if (place_.deflated) {
-      std::vector<std::vector<char>> buffers(static_cast<std::size_t>(count));
-      for (int k = 0; k < count; ++k) slice(k, buffers[static_cast<std::size_t>(k)]);
-      tbb::parallel_for(0, count, [&](int k) { convert(k, buffers[static_cast<std::size_t>(k)]); });
+      std::vector<std::vector<char>> bytes(static_cast<std::size_t>(slices));
+      for (int k = 0; k < slices; ++k)
+        read_rows(part, 0, rows, k, bytes[static_cast<std::size_t>(k)]);
+      tbb::parallel_for(0, slices, [&](int k) {
+        convert_rows(part, rows, bytes[static_cast<std::size_t>(k)], place(k, 0));
+      });
     } else {
-      tbb::parallel_for(0, count, [&](int k) {
-        std::vector<char> buffer;
-        slice(k, buffer);
-        convert(k, buffer);
+      // So many at a time that they stay in the processor's cache.
+      const int most = static_cast<int>(std::max<std::size_t>(1, kBytesAtOnce / bytes_of_rows(1)));
+      const int parts = (rows + most - 1) / most;  // of a slice
+      tbb::parallel_for(0, slices * parts, [&](int n) {
+        std::vector<char> bytes;
+        const int k = n / parts, j = n % parts * most, some = std::min(most, rows - j);
+        read_rows(part, j, some, k, bytes);
+        convert_rows(part, some, bytes, place(k, j));
       });
     }
+  }
+
+  std::size_t voxels_at_once() const override {
+    constexpr std::size_t kInCache = std::size_t{1} << 21;  // 8 MB of values
+    return place_.deflated ? ScanSource::voxels_at_once() : kInCache;
+  }
+
+  double whole_up_to() const override {
+    return image::whole_up_to(layout_.most, place_.slope, place_.intercept);
   }
 
   void check_rest() override { check_stream(path(), place_, layout_, stream_); }
 
  private:
+  static constexpr std::size_t kBytesAtOnce = 1 << 16;
+
+  // Whole rows; the last voxel need not be followed by its other components.
+  std::size_t bytes_of_rows(int count) const {
+    const auto voxels =
+        static_cast<std::size_t>(count) * static_cast<std::size_t>(frame().size.x());
+    return ((voxels - 1) * layout_.step + 1) * layout_.value_bytes;
+  }
+
+  // Of the part's slice k, from its row j on.
+  void read_rows(const VoxelRange& part, int j, int count, int k, std::vector<char>& bytes) {
+    const Index3 size = frame().size;
+    const std::size_t voxel = (static_cast<std::size_t>(part.first.z() + k) * size.y() +
+                               static_cast<std::size_t>(part.first.y() + j)) *
+                              size.x();
+    bytes.resize(bytes_of_rows(count));
+    if (!stream_.read(place_.offset + (voxel * layout_.step + layout_.first) * layout_.value_bytes,
+                      bytes.size(), bytes.data()))
+      throw stream_.damaged() ? damaged(path()) : other_length(path(), layout_, "fewer");
+  }
+
+  void convert_rows(const VoxelRange& part, int count, const std::vector<char>& bytes,
+                    float* values) const {
+    const bool swapped = place_.big_endian != (std::endian::native == std::endian::big);
+    const auto whole = static_cast<std::size_t>(frame().size.x()),
+               row = static_cast<std::size_t>(part.size().x()),
+               skipped = static_cast<std::size_t>(part.first.x());
+    for (std::size_t j = 0; j < static_cast<std::size_t>(count); ++j) {
+      float* to = values + j * row;
+      layout_.take(bytes.data() + (j * whole + skipped) * layout_.step * layout_.value_bytes,
+                   layout_.step, swapped, row, to);
+      if (place_.slope == 1 && place_.intercept == 0) continue;
+      for (std::size_t v = 0; v < row; ++v)
+        to[v] = static_cast<float>(static_cast<double>(to[v]) * place_.slope + place_.intercept);
+    }
+  }
+
   DataPlace place_;
   Layout layout_;
   ByteStream stream_;
@@ -351,6 +426,7 @@ std::unique_ptr<ScanSource> opened(const std::string& path, Format format,
   Layout layout;
   layout.take = take_of(value_type);
   layout.value_bytes = bytes_of(value_type);
+  layout.most = most_of(value_type);
   layout.step = static_cast<std::size_t>(parts.components);
   layout.first = parts.components > 1 ? part : part * frame.voxels();
   layout.all = frame.voxels() * static_cast<std::size_t>(parts.components) *

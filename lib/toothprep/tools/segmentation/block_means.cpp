@@ -5,12 +5,24 @@
 #include <algorithm>
 #include <utility>
 
+#include "toothprep/tools/segmentation/wide_vectors.h"
+
 namespace toothprep {
+namespace {
 
-VoxelRange whole_of(const ImageFrame& scan) { return {Index3::Zero(), scan.size - Index3::Ones()}; }
+constexpr double kExact = 1 << 24;  // up to here all whole numbers are single precision's, too
 
-BlockMeans::BlockMeans(const ImageFrame& scan, const VoxelRange& part, const Index3& block)
-    : scan_size_(scan.size), part_(part), block_(block.cwiseMin(part.size())) {
+void add_to(const float* values, std::size_t count, float* sums) {
+  for (std::size_t i = 0; i < count; ++i) sums[i] += values[i];
+}
+
+}  // namespace
+
+BlockMeans::BlockMeans(const ImageFrame& scan, const VoxelRange& part, const Index3& block,
+                       double whole_up_to)
+    : part_(part),
+      block_(block.cwiseMin(part.size())),
+      exact_(whole_up_to * block_.cast<double>().prod() <= kExact) {
   static_cast<ImageFrame&>(means_) = scan;
   means_.size = part.size().cwiseQuotient(block_);
   means_.spacing = scan.spacing.cwiseProduct(block_.cast<double>());
@@ -20,29 +32,40 @@ BlockMeans::BlockMeans(const ImageFrame& scan, const VoxelRange& part, const Ind
 }
 
 void BlockMeans::add(int first, int count, const float* slices) {
-  const Index3 size = means_.size, b = block_;
-  const auto row = static_cast<std::size_t>(scan_size_.x());
-  const std::size_t area = row * static_cast<std::size_t>(scan_size_.y());
-  const int low = std::max(first, part_.first.z());
-  const int high = std::min(first + count, part_.first.z() + size.z() * b.z());
-  tbb::parallel_for(0, size.y(), [&](int j) {
-    for (int z = low; z < high; ++z) {
-      float* out = means_.data.data() + means_.offset(0, j, (z - part_.first.z()) / b.z());
-      for (int y = 0; y < b.y(); ++y) {
-        const float* in = slices + static_cast<std::size_t>(z - first) * area +
-                          static_cast<std::size_t>(part_.first.y() + j * b.y() + y) * row +
-                          static_cast<std::size_t>(part_.first.x());
-        if (b.x() == 1)
-          for (int i = 0; i < size.x(); ++i) out[i] += in[i];
-        else
-          for (int i = 0; i < size.x(); ++i, in += b.x()) {
-            float sum = 0;
-            for (int x = 0; x < b.x(); ++x) sum += in[x];
-            out[i] += sum;
-          }
+  const auto row = static_cast<std::size_t>(part_.size().x()),
+             rows = static_cast<std::size_t>(part_.size().y());
+  const int high = std::min(first + count, part_.first.z() + means_.size.z() * block_.z());
+  tbb::parallel_for(0, means_.size.y(), [&](int j) {
+    std::vector<float> column(exact_ ? row : 0);
+    with_wide_vectors([&] {
+      for (int z = first; z < high; ++z) {
+        const float* in = slices + (static_cast<std::size_t>(z - first) * rows +
+                                    static_cast<std::size_t>(j * block_.y())) *
+                                       row;
+        float* out = means_.data.data() + means_.offset(0, j, (z - part_.first.z()) / block_.z());
+        // Rows onto each other first is by vectors.
+        if (exact_) {
+          std::copy_n(in, row, column.data());
+          for (int y = 1; y < block_.y(); ++y)
+            add_to(in + static_cast<std::size_t>(y) * row, column.size(), column.data());
+          add_blocks(column.data(), out);
+        } else {
+          for (int y = 0; y < block_.y(); ++y, in += row) add_blocks(in, out);
+        }
       }
-    }
+    });
   });
+}
+
+// A row to the sums of a row of blocks.
+void BlockMeans::add_blocks(const float* row, float* sums) const {
+  const int n = means_.size.x(), b = block_.x();
+  if (b == 1) return add_to(row, static_cast<std::size_t>(n), sums);
+  for (int i = 0; i < n; ++i, row += b) {
+    float sum = 0;
+    for (int x = 0; x < b; ++x) sum += row[x];
+    sums[i] += sum;
+  }
 }
 
 ImageVolume<float> BlockMeans::take() {

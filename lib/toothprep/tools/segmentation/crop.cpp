@@ -2,14 +2,11 @@
 
 #include <algorithm>
 #include <string>
-#include <vector>
 
 #include "toothprep/step/core/errors.h"
 
 namespace toothprep {
 namespace {
-
-constexpr std::size_t kValuesAtOnce = std::size_t{1} << 23;  // 32 MB
 
 class Part : public ScanSource {
  public:
@@ -19,21 +16,18 @@ class Part : public ScanSource {
         first_(part.first) {}
 
   void read(int first, int count, float* values) override {
-    const Index3 all = whole_->frame().size, size = frame().size;
-    const std::size_t area = static_cast<std::size_t>(all.x()) * all.y();
-    // Of wide slices, of which little is wanted, only few at a time.
-    const int most = std::max(1, static_cast<int>(kValuesAtOnce / area));
-    for (int done = 0; done < count; done += most) {
-      const int some = std::min(most, count - done);
-      slices_.resize(area * static_cast<std::size_t>(some));
-      whole_->read(first_.z() + first + done, some, slices_.data());
-      for (int k = 0; k < some; ++k)
-        for (int j = 0; j < size.y(); ++j, values += size.x())
-          std::copy_n(slices_.data() + static_cast<std::size_t>(k) * area +
-                          static_cast<std::size_t>(first_.y() + j) * all.x() + first_.x(),
-                      size.x(), values);
-    }
+    VoxelRange slices = whole_of(frame());
+    slices.first.z() = first;
+    slices.last.z() = first + count - 1;
+    read_part(slices, values);
   }
+
+  void read_part(const VoxelRange& part, float* values) override {
+    whole_->read_part({first_ + part.first, first_ + part.last}, values);
+  }
+
+  std::size_t voxels_at_once() const override { return whole_->voxels_at_once(); }
+  double whole_up_to() const override { return whole_->whole_up_to(); }
 
   void check_rest() override { whole_->check_rest(); }
 
@@ -42,7 +36,6 @@ class Part : public ScanSource {
  private:
   std::unique_ptr<ScanSource> whole_;
   Index3 first_;
-  std::vector<float> slices_;
 };
 
 }  // namespace

@@ -8,11 +8,6 @@
 
 namespace toothprep {
 
-struct VoxelRange {
-  Index3 first, last;  // inclusive
-  Index3 size() const { return last - first + Index3::Ones(); }
-};
-
 // The smallest block of the image's voxels that holds a box of W (LPS, mm), as far as there are
 // voxels; of an oblique image it is larger than the box.
 VoxelRange voxels_around(const ImageFrame& image, const Box& box);

@@ -3,9 +3,11 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #include "toothprep/tools/segmentation/grey_classes.h"
+#include "toothprep/tools/segmentation/wide_vectors.h"
 
 namespace toothprep {
 namespace {
@@ -25,11 +27,41 @@ Index3 block_for_voxel(const ImageFrame& scan, double voxel) {
 struct Extreme {
   float highest = -std::numeric_limits<float>::infinity();
   std::size_t voxels = 0;
-  void add(float value, std::size_t n) {
-    if (value > highest) highest = value, voxels = 0;
-    if (value == highest) voxels += n;
-  }
 };
+
+float highest_of(const float* values, std::size_t count) {
+  constexpr std::size_t kLanes = 8;
+  using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
+  float highest = values[0];
+  Lanes most = Lanes{} + highest, others = most, a, b;
+  std::size_t v = 0;
+  for (; v + 2 * kLanes <= count; v += 2 * kLanes) {
+    std::memcpy(&a, values + v, sizeof a);
+    std::memcpy(&b, values + v + kLanes, sizeof b);
+    most = most < a ? a : most;
+    others = others < b ? b : others;
+  }
+  for (; v < count; ++v) highest = std::max(highest, values[v]);
+  for (std::size_t l = 0; l < kLanes; ++l) highest = std::max({highest, most[l], others[l]});
+  return highest;
+}
+
+void note_highest(const float* values, std::size_t count, Extreme& top) {
+  constexpr std::size_t kPart = 1 << 16;
+  std::vector<float> highest((count + kPart - 1) / kPart);
+  const auto size_of = [&](std::size_t p) { return std::min(kPart, count - p * kPart); };
+  tbb::parallel_for(std::size_t{0}, highest.size(), [&](std::size_t p) {
+    with_wide_vectors([&] { highest[p] = highest_of(values + p * kPart, size_of(p)); });
+  });
+  const float most = *std::max_element(highest.begin(), highest.end());
+  if (most < top.highest) return;
+  if (most > top.highest) top = {most, 0};
+  for (std::size_t p = 0; p < highest.size(); ++p)
+    if (highest[p] == most) {
+      const float* part = values + p * kPart;
+      top.voxels += static_cast<std::size_t>(std::count(part, part + size_of(p), most));
+    }
+}
 
 void note_values(const float* values, std::size_t count, std::vector<float>& seen) {
   for (std::size_t v = 0; v < count && seen.size() < kManyValues; ++v)
@@ -43,11 +75,11 @@ ScanSurvey survey(ScanSource& scan, double voxel, const std::function<void(doubl
   const std::size_t area = static_cast<std::size_t>(frame.size.x()) * frame.size.y();
   ScanSurvey result;
   result.class_block = block_for_classes(frame.size);
-  BlockMeans classes(frame, whole_of(frame), result.class_block);
+  BlockMeans classes(frame, whole_of(frame), result.class_block, scan.whole_up_to());
   const Index3 block = block_for_voxel(frame, voxel);
   std::optional<BlockMeans> greys;
   if (frame.size.cwiseQuotient(block).cast<double>().prod() <= kLittleVoxels)
-    greys.emplace(frame, whole_of(frame), block);
+    greys.emplace(frame, whole_of(frame), block, scan.whole_up_to());
   Extreme top;
   for_each_slab(
       scan,
@@ -55,16 +87,7 @@ ScanSurvey survey(ScanSource& scan, double voxel, const std::function<void(doubl
         classes.add(first, count, values);
         if (greys) greys->add(first, count, values);
         note_values(values, area * static_cast<std::size_t>(count), result.values);
-        std::vector<Extreme> tops(static_cast<std::size_t>(count));
-        tbb::parallel_for(0, count, [&](int k) {
-          const float* slice = values + static_cast<std::size_t>(k) * area;
-          float highest = slice[0];
-          for (std::size_t v = 0; v < area; ++v) highest = std::max(highest, slice[v]);
-          std::size_t voxels = 0;
-          for (std::size_t v = 0; v < area; ++v) voxels += slice[v] == highest;
-          tops[static_cast<std::size_t>(k)].add(highest, voxels);
-        });
-        for (const Extreme& t : tops) top.add(t.highest, t.voxels);
+        note_highest(values, area * static_cast<std::size_t>(count), top);
       },
       progress);
   result.class_means = classes.take();
@@ -76,9 +99,9 @@ ScanSurvey survey(ScanSource& scan, double voxel, const std::function<void(doubl
 
 ImageVolume<float> greys_of(ScanSource& scan, double voxel, const VoxelRange& part,
                             const std::function<void(double)>& progress) {
-  BlockMeans greys(scan.frame(), part, block_for_voxel(scan.frame(), voxel));
+  BlockMeans greys(scan.frame(), part, block_for_voxel(scan.frame(), voxel), scan.whole_up_to());
   for_each_slab(
-      scan, part.first.z(), part.last.z(),
+      scan, part,
       [&](int first, int count, const float* values) { greys.add(first, count, values); },
       progress);
   return greys.take();
