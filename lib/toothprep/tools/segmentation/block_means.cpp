@@ -44,10 +44,10 @@ void BlockMeans::add(int first, int count, const float* slices) {
                                        row;
         float* out = means_.data.data() + means_.offset(0, j, (z - part_.first.z()) / block_.z());
         // Rows onto each other first is by vectors.
-        if (exact_) {
-          std::copy_n(in, row, column.data());
-          for (int y = 1; y < block_.y(); ++y)
-            add_to(in + static_cast<std::size_t>(y) * row, column.size(), column.data());
+        if (exact_ && block_.y() > 1) {
+          for (std::size_t x = 0; x < row; ++x) column[x] = in[x] + in[row + x];
+          for (int y = 2; y < block_.y(); ++y)
+            add_to(in + static_cast<std::size_t>(y) * row, row, column.data());
           add_blocks(column.data(), out);
         } else {
           for (int y = 0; y < block_.y(); ++y, in += row) add_blocks(in, out);
@@ -61,6 +61,10 @@ void BlockMeans::add(int first, int count, const float* slices) {
 void BlockMeans::add_blocks(const float* row, float* sums) const {
   const int n = means_.size.x(), b = block_.x();
   if (b == 1) return add_to(row, static_cast<std::size_t>(n), sums);
+  if (b == 2) {
+    for (int i = 0; i < n; ++i) sums[i] += row[2 * i] + row[2 * i + 1];
+    return;
+  }
   for (int i = 0; i < n; ++i, row += b) {
     float sum = 0;
     for (int x = 0; x < b; ++x) sum += row[x];
