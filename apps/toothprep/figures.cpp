@@ -15,7 +15,6 @@
 #include <utility>
 
 #include "command.h"
-#include "drawn.h"
 #include "toothprep/build_info.h"
 #include "toothprep/proof/figures/experiment.h"
 #include "toothprep/step/core/errors.h"
@@ -36,23 +35,24 @@ struct Options {
 
 constexpr int kPixels = 700;  // width and height of a picture of one surface
 
-// Draws the pictures, of which several show the same surfaces: each is read once for those that
-// follow each other, and what was drawn from the same place at the same scale is kept.
+// Draws the pictures of a figure, of which several show the same surfaces: each is made ready once
+// for those that follow each other, and what was drawn from the same place at the same scale is kept.
 class Pictures {
  public:
-  explicit Pictures(std::string folder) : folder_(std::move(folder)) {}
+  Pictures(const figures::FigureReport& figure, std::string folder)
+      : figure_(figure), folder_(std::move(folder)) {}
 
   // The surfaces of a picture from the same place at the same scale, side by side.
   void draw(const figures::Picture& picture) {
     std::vector<std::string> files;
     for (const std::string& file : {picture.compare, picture.mesh})
       if (!file.empty()) files.push_back(file);
-    std::erase_if(surfaces_, [&](const auto& known) {
+    std::erase_if(ready_, [&](const auto& known) {
       return std::find(files.begin(), files.end(), known.first) == files.end();
     });
     std::vector<const TriangleMesh*> meshes;
     for (const std::string& file : files)
-      for (const TriangleMesh* mesh : surface(file).renderer.meshes()) meshes.push_back(mesh);
+      for (const TriangleMesh* mesh : renderer(file).meshes()) meshes.push_back(mesh);
     const ToothAxes axes = tooth_axes({{"axis_occlusal", picture.occlusal}});
     Fit fit;
     fit.width = fit.height = kPixels;
@@ -65,23 +65,19 @@ class Pictures {
   }
 
  private:
-  struct Surface {
-    std::unique_ptr<LayeredTooth> tooth;
-    Renderer renderer;
-  };
   struct Drawing {
     Camera camera;
     toothprep::Picture picture;
   };
 
-  Surface& surface(const std::string& file) {
-    const auto known = surfaces_.find(file);
-    if (known != surfaces_.end()) return known->second;
-    Drawn read = read_drawn(folder_ + "/" + file);
-    std::vector<RenderPart> parts;
-    parts.push_back(std::move(read.part));
-    return surfaces_.emplace(file, Surface{std::move(read.tooth), Renderer(std::move(parts))})
-        .first->second;
+  const Renderer& renderer(const std::string& file) {
+    const auto known = ready_.find(file);
+    if (known != ready_.end()) return known->second;
+    const figures::Surface& surface = figure_.surfaces.at(file);
+    std::vector<RenderPart> parts(1);
+    parts.front().mesh = surface.mesh;
+    if (surface.tooth) parts.front().tooth = &*surface.tooth;
+    return ready_.emplace(file, Renderer(std::move(parts))).first->second;
   }
 
   static bool same(const Camera& a, const Camera& b) {
@@ -96,12 +92,13 @@ class Pictures {
     RenderOptions options;
     options.samples = 2;
     options.ambient_rays = 32;
-    known.push_back({camera, picture_of(surface(file).renderer.render(camera, options))});
+    known.push_back({camera, picture_of(renderer(file).render(camera, options))});
     return known.back().picture;
   }
 
+  const figures::FigureReport& figure_;
   std::string folder_;
-  std::map<std::string, Surface> surfaces_;               // by file
+  std::map<std::string, Renderer> ready_;                 // by file
   std::map<std::string, std::vector<Drawing>> drawings_;  // by file
 };
 
@@ -150,9 +147,10 @@ void run(const Options& o, const Common& common) {
     std::vector<std::string> arguments = {output};
     if (common.quiet) arguments.push_back("--quiet");
     if (!run_script(script, arguments)) throw Error(script + " failed");
-    Pictures pictures(output);
-    for (const figures::FigureReport& f : reports)
+    for (const figures::FigureReport& f : reports) {
+      Pictures pictures(f, output);
       for (const figures::Picture& picture : f.pictures) pictures.draw(picture);
+    }
   }
   std::ostringstream table;
   if (o.json) table << std::ifstream(output + "/figures.json").rdbuf();

@@ -283,11 +283,12 @@ FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
         v.report->exact = exact_file;
         curves.push_back(
             {label, v.report->trace, "", v.engine == EngineKind::kLevelset ? "run" : "second"});
-        const std::string mesh = context.write_surface(experiment, name, v.outcome->prepared);
+        auto [mesh, surface] = context.write_surface(experiment, name, v.outcome->prepared);
         figure.pictures.push_back(block_picture(
             experiment.name + "/" + name + ".png",
             experiment.title + (prefix.empty() ? "" : ", " + run.title) + ": the block, " + label,
             mesh));
+        figure.surfaces.emplace(std::move(mesh), std::move(surface));
       }
       figure.runs.push_back(*v.report);
     }

@@ -106,18 +106,23 @@ std::string FigureContext::write_exact(const Experiment& experiment, const std::
                       values);
 }
 
-std::string FigureContext::write_surface(const Experiment& experiment, const std::string& name,
-                                         const LayeredTooth& tooth) const {
+std::pair<std::string, Surface> FigureContext::write_surface(const Experiment& experiment,
+                                                             const std::string& name,
+                                                             const LayeredTooth& tooth) const {
   std::string file = place(experiment, name + ".ply");
-  write_mesh(surface_by_tissue(tooth).mesh, options_.output + "/" + file);
-  return file;
+  TriangleMesh mesh = surface_by_tissue(tooth).mesh;
+  write_mesh(mesh, options_.output + "/" + file);
+  return {std::move(file), {std::move(mesh), {}}};
 }
 
-std::string FigureContext::write_layers(const Experiment& experiment, const std::string& name,
-                                        const LayeredTooth& tooth) const {
+std::pair<std::string, Surface> FigureContext::write_layers(const Experiment& experiment,
+                                                            const std::string& name,
+                                                            LayeredTooth tooth) const {
+  Surface surface = write_surface(experiment, name, tooth).second;
   std::string file = place(experiment, name + ".vdb");
   write_tooth(tooth, options_.output + "/" + file);
-  return file;
+  surface.tooth = std::move(tooth);
+  return {std::move(file), std::move(surface)};
 }
 
 std::vector<Outcome> replay_runs(const Experiment& experiment, EngineKind engine,

@@ -7,11 +7,11 @@
 #include <map>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "toothprep/proof/figures/figures.h"
 #include "toothprep/proof/figures/outcome.h"
-#include "toothprep/tools/mesh/surface.h"
 
 namespace toothprep::figures {
 
@@ -40,11 +40,13 @@ class FigureContext {
   std::string write_series(const Experiment& experiment, const std::string& name,
                            const std::vector<std::string>& columns,
                            const std::vector<std::vector<double>>& values) const;
-  std::string write_surface(const Experiment& experiment, const std::string& name,
-                            const LayeredTooth& tooth) const;
-
-  std::string write_layers(const Experiment& experiment, const std::string& name,
-                           const LayeredTooth& tooth) const;
+  // NAME.ply, and its surface for pictures of it.
+  std::pair<std::string, Surface> write_surface(const Experiment& experiment,
+                                                const std::string& name,
+                                                const LayeredTooth& tooth) const;
+  // NAME.ply and NAME.vdb; the latter's relative path, and the tooth for pictures of it.
+  std::pair<std::string, Surface> write_layers(const Experiment& experiment,
+                                               const std::string& name, LayeredTooth tooth) const;
 
  private:
   std::string place(const Experiment& experiment, const std::string& file) const;

@@ -32,8 +32,8 @@ FigureReport preparation_figure(const Experiment& experiment, FigureContext& con
   const FigureOptions& o = context.options();
   FigureReport figure;
   const LayeredTooth whole = context.specimen(experiment, experiment.runs.front(), o.voxel);
-  context.write_surface(experiment, "before", whole);
-  const std::string before = context.write_layers(experiment, "before", whole);
+  const std::string before =
+      figure.surfaces.insert(context.write_layers(experiment, "before", whole)).first->first;
   std::vector<Outcome> outcomes(experiment.runs.size());
   std::vector<FigureContext::Job> jobs;
   for (const std::vector<std::size_t>& chain : chains_of(experiment.runs))
@@ -63,8 +63,10 @@ FigureReport preparation_figure(const Experiment& experiment, FigureContext& con
     const std::string engine = name_of(outcome.parameters.engine);
     RunReport report = report_of(run, outcome, o.voxel, nullptr);
     report.trace = context.write_trace(experiment, run.name, run, outcome);
-    context.write_surface(experiment, run.name, outcome.prepared);
-    const std::string prepared = context.write_layers(experiment, run.name, outcome.prepared);
+    const std::string prepared =
+        figure.surfaces
+            .insert(context.write_layers(experiment, run.name, std::move(outcome.prepared)))
+            .first->first;
     for (const char* view : {"occlusal", "oblique"})
       figure.pictures.push_back(
           {experiment.name + "/" + run.name + "-" + view + ".png",

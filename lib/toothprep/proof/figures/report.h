@@ -3,8 +3,12 @@
 // draws what the JSON describes and knows no experiment by itself.
 #pragma once
 
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "toothprep/tools/mesh/surface.h"
 
 namespace toothprep::figures {
 
@@ -103,6 +107,12 @@ inline Picture block_picture(const std::string& file, const std::string& title,
   return {file, title, mesh, "", "-0.51,0.47,0.72", "0,1,0"};
 }
 
+// What a file that pictures show holds; a tooth if it is one (.vdb).
+struct Surface {
+  TriangleMesh mesh;
+  std::optional<LayeredTooth> tooth;
+};
+
 // A published measurement beside what parameters predict of it. Not a claim: what the model misses
 // is a finding about the model.
 struct Comparison {
@@ -143,6 +153,7 @@ struct FigureReport {
   std::vector<Plot> plots;
   std::vector<MapPlot> maps;
   std::vector<Picture> pictures;
+  std::map<std::string, Surface> surfaces;  // of the pictures, by file
   std::vector<Comparison> comparisons;
   std::vector<Trend> trends;
   std::vector<MetricTable> tables;

@@ -157,10 +157,11 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
       figure.runs.push_back(report);
       claim_stall(figure, run, make_bur(run.bur, o.bur_library), v.outcome, v.exact);
       if (run.name == experiment.runs.front().name && v.parameters.engine == o.engines.front()) {
-        const std::string mesh = context.write_surface(experiment, name, v.outcome.prepared);
+        auto [mesh, surface] = context.write_surface(experiment, name, v.outcome.prepared);
         figure.pictures.push_back(block_picture(experiment.name + "/" + name + ".png",
                                                 experiment.title + ": the block, " + run.title,
                                                 mesh));
+        figure.surfaces.emplace(std::move(mesh), std::move(surface));
       }
     }
     plot.panels = force_panels(curves, exact_file);
