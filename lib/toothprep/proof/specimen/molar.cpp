@@ -211,6 +211,7 @@ constexpr std::array<Lobe, 4> kPremolarLobes = {{
 // seams between its lobes: where the two highest lobes are level, a fissure is cut.
 struct Occlusal {
   Jet enamel, dentin;
+  double x = std::nan(""), y = std::nan("");  // where: whatever the height
 };
 
 Occlusal occlusal(const Point& p, std::span<const Lobe> lobes) {
@@ -360,8 +361,9 @@ float distance(const Jet& f) {
 
 namespace {
 
-// Of an unworn tooth that stands upright.
-ToothSample sample_form(const Vec3& x, bool premolar) {
+// Of an unworn tooth that stands upright. `top` may be that of a place above or below, and becomes
+// that of this one.
+ToothSample sample_form(const Vec3& x, bool premolar, Occlusal& top) {
   const double buccolingual = premolar ? kPremolarWidth : 1,
                mesiodistal = premolar ? kPremolarLength : 1;
   const Point p{Jet((x.x() - kAxisX) / buccolingual, Vec3::UnitX() / buccolingual),
@@ -375,7 +377,10 @@ ToothSample sample_form(const Vec3& x, bool premolar) {
   const Jet root_part = !near_roots ? Jet(0.0)
                         : premolar  ? root_function(p, kSingleRoot, 0.12)
                                     : roots(p);
-  const Occlusal top = near_top ? occlusal(p, lobes) : Occlusal{};
+  if (near_top && !(top.x == x.x() && top.y == x.y())) {
+    top = occlusal(p, lobes);
+    top.x = x.x(), top.y = x.y();
+  }
 
   const auto body = [&](const Jet& sides, const Jet& height) {
     constexpr double kSlopeFactor = 0.85;  // brings (z - H) near a distance before it is blended
@@ -419,18 +424,26 @@ Quat leaning(const MolarOptions& o) {
   return Quat(Eigen::AngleAxisd(units::from_degree(o.tilt_deg), Vec3(1, 1, 0).normalized()));
 }
 
-}  // namespace
-
-ToothSample sample_molar(const Vec3& x) { return sample_form(x, false); }
-
-ToothSample sample_variant(const Vec3& x, const MolarOptions& o) {
+// sample_variant(), with a `top` as sample_form() takes it.
+ToothSample sample_beside(const Vec3& x, const MolarOptions& o, Occlusal& top) {
   const Vec3 upright = o.tilt_deg == 0 ? x : leaning(o).conjugate() * (x - kCrown) + kCrown;
-  ToothSample sample = sample_form(upright, o.premolar);
+  ToothSample sample = sample_form(upright, o.premolar, top);
   if (o.worn > 0) cut_off(upright.z() - (kHighestTip - o.worn), sample);
   if (o.rootless) cut_off(kBelowNeck - upright.z(), sample);
   return sample;
 }
 
+}  // namespace
+
+ToothSample sample_molar(const Vec3& x) {
+  Occlusal top;
+  return sample_form(x, false, top);
+}
+
+ToothSample sample_variant(const Vec3& x, const MolarOptions& o) {
+  Occlusal top;
+  return sample_beside(x, o, top);
+}
 Box molar_bounds() { return {Vec3(0.7, 0.0, 0.3), Vec3(11.6, 10.9, 19.4)}; }
 
 Box molar_bounds(const MolarOptions& o) {
@@ -484,9 +497,10 @@ LayeredTooth make_molar(const MolarOptions& o) {
           std::fill(samples, samples + kBrickVoxels, s);
           return;
         }
+        Occlusal top;
         for (int v = 0; v < kBrickVoxels; ++v)
           samples[v] =
-              sample_variant(lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7)), o);
+              sample_beside(lattice.to_world(first + Index3(v >> 6, (v >> 3) & 7, v & 7)), o, top);
       });
   describe_molar(o, tooth);
   return tooth;
