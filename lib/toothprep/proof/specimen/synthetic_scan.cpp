@@ -111,8 +111,8 @@ SyntheticScan make_synthetic_scan(const std::function<ToothSample(const Vec3&)>&
   labels.data.assign(voxels, 0);
   std::vector<float> grey(voxels, 0);
 
-  // A voxel is one tissue when its centre is far enough from every surface; whole blocks likewise.
-  // The factor is for distances that are not exact far from a surface.
+  // A block, be it a single voxel, is one tissue when its middle is far enough from every surface; else its
+  // eighths are looked at. The factor is for distances that are not exact far from a surface.
   constexpr double kCaution = 2.0;
   constexpr int kBlock = 8;
   const auto uniform = [&](const ToothSample& s, double radius) {
@@ -122,35 +122,42 @@ SyntheticScan make_synthetic_scan(const std::function<ToothSample(const Vec3&)>&
                                        [far](float d) { return std::abs(d) > far; }));
   };
   const auto grey_of = [&](Tissue t) { return o.grey[static_cast<std::size_t>(t)]; };
-  const Index3 blocks = (labels.size + Index3::Constant(kBlock - 1)) / kBlock;
-  const double voxel_radius = o.spacing.norm() / 2;
   const int n = o.supersampling;
-  tbb::parallel_for(0, blocks.prod(), [&](int b) {
-    const Index3 first =
-        kBlock * Index3(b % blocks.x(), b / blocks.x() % blocks.y(), b / blocks.x() / blocks.y());
-    const Index3 last = (first + Index3::Constant(kBlock)).cwiseMin(labels.size);
+  const auto mean_around = [&](const Vec3& centre) {
+    std::array<int, kTissueCount + 1> hits{};
+    for (int v = 0; v < n * n * n; ++v) {
+      const Vec3 offset = Index3(v % n, v / n % n, v / n / n).cast<double>();
+      const Vec3 within = (offset + Vec3::Constant(0.5)) / n - Vec3::Constant(0.5);
+      ++hits[static_cast<std::size_t>(sample(centre + o.spacing.cwiseProduct(within)).label)];
+    }
+    return std::inner_product(hits.begin(), hits.end(), o.grey.begin(), 0.0) / (n * n * n);
+  };
+  const double voxel_radius = o.spacing.norm() / 2;
+  const auto fill = [&](const auto& fill_part, const Index3& first, int edge) -> void {
+    const Index3 last = (first + Index3::Constant(edge)).cwiseMin(labels.size);
+    if ((first.array() >= last.array()).any()) return;
     const Vec3 middle = labels.to_world((first + last - Index3::Ones()).cast<double>() / 2);
-    const ToothSample whole = sample(middle);
-    const bool one = uniform(whole, kBlock * voxel_radius);
+    const ToothSample s = sample(middle);
+    const bool one = uniform(s, (edge - 1.0 / n) * voxel_radius);  // to the farthest point
+    if (!one && edge > 1) {
+      for (int part = 0; part < 8; ++part)
+        fill_part(fill_part, first + edge / 2 * Index3(part & 1, part >> 1 & 1, part >> 2),
+                  edge / 2);
+      return;
+    }
+    const double mean = one || n == 1 ? grey_of(s.label) : mean_around(middle);
     for (int k = first.z(); k < last.z(); ++k)
       for (int j = first.y(); j < last.y(); ++j)
         for (int i = first.x(); i < last.x(); ++i) {
-          const Vec3 centre = labels.to_world(Vec3(i, j, k));
-          const ToothSample s = one ? whole : sample(centre);
-          double mean = grey_of(s.label);
-          if (!one && n > 1 && !uniform(s, voxel_radius)) {
-            std::array<int, kTissueCount + 1> hits{};
-            for (int v = 0; v < n * n * n; ++v) {
-              const Vec3 offset = Index3(v % n, v / n % n, v / n / n).cast<double>();
-              const Vec3 within = (offset + Vec3::Constant(0.5)) / n - Vec3::Constant(0.5);
-              ++hits[static_cast<std::size_t>(
-                  sample(centre + o.spacing.cwiseProduct(within)).label)];
-            }
-            mean = std::inner_product(hits.begin(), hits.end(), o.grey.begin(), 0.0) / (n * n * n);
-          }
           labels.at(i, j, k) = static_cast<std::uint8_t>(s.label);
           grey[labels.offset(i, j, k)] = static_cast<float>(mean);
         }
+  };
+  const Index3 blocks = (labels.size + Index3::Constant(kBlock - 1)) / kBlock;
+  tbb::parallel_for(0, blocks.prod(), [&](int b) {
+    fill(fill,
+         kBlock * Index3(b % blocks.x(), b / blocks.x() % blocks.y(), b / blocks.x() / blocks.y()),
+         kBlock);
   });
 
   if (o.blur_fwhm_voxels > 0) {
