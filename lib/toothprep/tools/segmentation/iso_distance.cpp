@@ -419,8 +419,6 @@ class Slab {
         looked_at |= static_cast<unsigned>(counts) << n;
         unknown |= static_cast<unsigned>(!known) << n;
       }
-      looked_at &=
-          unknown | may_be_nearer(best, count, x - centre.x(), side2, triangle.radius + kMargin);
       if (looked_at != 0) {
         const Lanes height = triangle.heights(from_y, from_z, x);
         looked_at &=
@@ -444,22 +442,10 @@ class Slab {
     }
   }
 
-  // The rows, as bits, of which one of the nodes may be nearer to the ball around a triangle than to the triangles
-  // before: the first of row n is x[n] from the ball's centre, all are `side2[n]` beside it, squared. A root
-  // is not more than its tangent in the middle of the band.
-  unsigned may_be_nearer(const std::array<const float*, kLanes>& best, int count, const Lanes& x,
-                         const Lanes& side2, float radius) const {
-    const float slope = 1 + 2 * radius / band_;
-    const Lanes rest = side2 - radius * (0.5f * band_ + radius);
-    decltype(Lanes{} < Lanes{}) rows{};
-    for (int n = 0; n < count; ++n) {
-      const Lanes dx = x[n] + kUp;
-      rows |= (dx * dx + rest[n] < slope * load(best[n])) & (1 << n);
-    }
-    return bits_of(rows);
-  }
-  // The same by the height above the triangle's plane, and how far beside the ball that is. Here a root is
-  // not more than its tangent at kTangent, since where a triangle beneath is known there is little left of it.
+  // The rows, as bits, of which one of the nodes may be nearer to a triangle than to the triangles before: by the
+  // height above its plane, and how far beside a ball around it the node is at that height. The first node of
+  // row n is x[n] from the ball's centre, all are `side2[n]` beside it, squared. A root is not more than its
+  // tangent at kTangent, since where a triangle beneath is known there is little left of it.
   static unsigned may_lie_above(const std::array<const float*, kLanes>& best, unsigned rows,
                                 const Triangle& triangle, const Lanes& height, const Lanes& x,
                                 const Lanes& side2) {
