@@ -34,6 +34,45 @@ TEST(CoveredPart, ShareAndMiddleAreThoseOfTheSquareUnderTheLine) {
   }
 }
 
+TEST(CoveredPart, ShareAndMiddleUnderTwoLinesAreThoseOfWhatLiesUnderBoth) {
+  std::mt19937 engine(5);
+  constexpr int kLines = 300;
+  const auto line = [&] {
+    const auto value = [&](double bound) {
+      return static_cast<float>(within(engine, -bound, bound));
+    };
+    return DividingLine{value(1.2), value(1), value(1)};
+  };
+  for (int trial = 0; trial < 200; ++trial) {
+    const DividingLine first = line();
+    DividingLine second = line();
+    // Some alike, some opposite.
+    if (trial % 4 == 1) second = {first.c + 0.1f, first.a, first.b};
+    if (trial % 4 == 2) second = {0.2f - first.c, -first.a, -first.b};
+    double share = 0, x = 0, y = 0;
+    for (int i = 0; i < kLines; ++i)
+      for (int j = 0; j < kLines; ++j) {
+        const float u = (2 * static_cast<float>(i) + 1) / kLines - 1,
+                    v = (2 * static_cast<float>(j) + 1) / kLines - 1;
+        if (first.at(u, v) < 0 && second.at(u, v) < 0)
+          share += 1, x += static_cast<double>(u), y += static_cast<double>(v);
+      }
+    const CoveredPart<float> part = covered_by_both(first, second);
+    EXPECT_NEAR(part.share, share / kLines / kLines, 3.0 / kLines) << trial;
+    if (share < 0.03 * kLines * kLines) continue;
+    EXPECT_NEAR(part.x, x / share, 0.02) << trial;
+    EXPECT_NEAR(part.y, y / share, 0.02) << trial;
+  }
+}
+
+TEST(CoveredPart, UnderALineThatLeavesNothingOrEverythingItIsNothingOrWhatTheOtherLeaves) {
+  const DividingLine none{1, 0, 0}, all{-1, 0, 0}, half{0, 1, 0};
+  EXPECT_EQ(covered_by_both(none, half).share, 0);
+  EXPECT_EQ(covered_by_both(half, none).share, 0);
+  EXPECT_NEAR(covered_by_both(all, half).share, 0.5, 1e-6);
+  EXPECT_NEAR(covered_by_both(half, all).x, -0.5, 1e-6);
+}
+
 TEST(CoveredPart, AFieldWithoutRangeCoversAllOrNothing) {
   EXPECT_NEAR(covered_part<float>(-0.1f, 0, 0).share, 1, 1e-6);
   EXPECT_NEAR(covered_part<float>(0.1f, 0, 0).share, 0, 1e-6);

@@ -280,6 +280,15 @@ TEST(OverlappingPasses, BesideTheSlotOfALeaningFlatEndedBurWorkIsRight) {
             << bur << ", leant by " << along << ", " << voxel;
 }
 
+// Between two shallow slots a ridge remains that is lower than a piece of the bur's surface is wide: the free
+// surface and the earlier slot's wall cross the same pieces, both on the same side.
+TEST(OverlappingPasses, BesideTheRidgeThatRemainsBetweenShallowSlotsWhatIsLeftCounts) {
+  for (const double step : {0.3, 0.5, 0.6, 0.7})
+    for (const char* bur : {"ball:D1.2", "taper:D1.4xL4.0xA4"})
+      EXPECT_LT(errors_of({bur, 0.156, 0, 0, 2, {0, step}}, 0.05, 0.0015, 0.0005).beyond, 1)
+          << bur << " aside by " << step << " mm";
+}
+
 // Where the floor that a pass newly takes lies below an earlier slot's, elements at the bur's edge have the
 // slot's wall beside their middle and a chip of that floor at their lower end. At 0.025 mm the free
 // surface crosses some near the end of the level set's band.
@@ -507,6 +516,18 @@ TEST(OverlappingPasses, WhatIsGroundAsideAndBackInPlaceIsGroundOnce) {
     EXPECT_LT(work[2], c.later) << c.aside << " mm, " << c.voxel;
     EXPECT_LT(work[3], c.later) << c.aside << " mm, " << c.voxel;
   }
+}
+
+// A flat end that leans back grinds with all of its face, and its front rim reaches beyond the bur's own print: the
+// print's wall and floor meet there, within a piece.
+TEST(FreshSlots, OfFlatEndsThatLeanBackTakeTheirEnergy) {
+  for (const char* bur : {"cylinder:D1.2xL3.0", "inverted-cone:D1.2xL1.6xA8"})
+    for (const double across : {0.0, 0.1})
+      EXPECT_LT(
+          errors_of({bur, 0.17, across, across > 0 ? 0.1 : 0.03, 2, {0}}, 0.05, 0.0015, 0.0015)
+              .beyond,
+          1)
+          << bur << " leant across by " << across;
 }
 
 // In the middle of the block the power is level. Many of the pieces that the top face crosses are curved

@@ -18,6 +18,10 @@
 // tells fresh tissue, which the bur's own last cut bends away from, from the wall of a slot that is
 // passed again.
 //
+// Where two walls meet within a piece, the value in its middle doesn't tell where it is divided; it is looked
+// at where the border should be. Where the cut and the tooth's own surface cross the same piece, what lies
+// under both counts.
+//
 // From step to step little changes. What was found of an element as a whole is kept until the bur
 // has moved by half of the distance at which it could be different, or a cut was put in place. Straight
 // on, a whole sample stands for a hundredth of a piece's size, if nothing is reached by then.
@@ -93,6 +97,8 @@ class ContactModel {
   struct Lanes;
   // Their axes.
   struct PieceAxes;
+  struct Borders;
+  struct CutOfPieces;
   // Four elements under way that are looked at as a whole.
   struct Look;
   // What a look needs to know of an element, four numbers at a time (mm, B).
@@ -127,13 +133,20 @@ class ContactModel {
   void divide(const Scan& scan, int i) noexcept;
   void feed(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void locate(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void cover(const Scan& scan, const Pieces& pieces, int first, KeptCells& farther,
-             Lanes& lanes) const noexcept;
+  void cover(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
+             KeptCells& farther, Lanes& lanes) const noexcept;
+  static Float4 cover_here(const Scan& scan, const CutOfPieces& cut, Lanes& lanes) noexcept;
+  void cover_ahead(const Scan& scan, const CutOfPieces& cut, const Float4& surface,
+                   KeptCells& farther, Lanes& lanes) const noexcept;
+  static FourSamples sample_at(const Scan& scan, const PieceAxes& axes, const Float4& x,
+                               const Float4& y, const Int4& wanted, const Lanes& lanes) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void cover_tooth(const Scan& scan, int i, const Pieces& pieces, int first, Lanes& lanes) noexcept;
+  void cover_tooth(const Scan& scan, int i, const PieceAxes& axes, const Pieces& pieces, int first,
+                   Lanes& lanes) noexcept;
+  static void cover_both(const Int4& where, const Borders& surface, Lanes& lanes) noexcept;
   void share_tissues(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
                      const Int4& counts, const Int4& only, KeptTissues& kept,
                      Lanes& lanes) const noexcept;

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/covered_part.h"
 
 namespace toothprep {
 
@@ -26,6 +27,9 @@ constexpr float kTakenBack = 0.9f;
 
 // The wall that a convex bur left stands out by at most this part of D² times the sum of its curvatures.
 constexpr float kWallAtMost = 1.0f / 12;
+
+// Where two surfaces meet the lattice rounds them by less than this (voxels).
+constexpr float kRounded = 0.4f;
 
 constexpr float kLeastShare = 1e-4f;  // of a piece: less is nothing
 
@@ -132,6 +136,19 @@ inline float share_inside(float value, float extent) {
   return std::min(std::max(share, 0.0f), 1.0f);
 }
 
+// Where fields cross four pieces, as lines: tissue lies where value + along x + around y is negative (mm, over
+// -1 .. 1 along the axes of a piece).
+struct ContactModel::Borders {
+  Float4 value, along, around;
+
+  CoveredPart<Float4> part() const { return covered_part<Float4>(value, along, around); }
+  void replace(const Int4& where, const Borders& by) {
+    value = where ? by.value : value;
+    along = where ? by.along : along;
+    around = where ? by.around : around;
+  }
+};
+
 struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
@@ -145,10 +162,16 @@ struct ContactModel::Lanes {
   KeptCells* cells;     // these
   Int4 live;            // -1: may be in contact, 0: not
   Float4 share, x, y;   // as of CoveredPart
+  Borders cut;          // that these are of, where the cut crosses the pieces
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
   int tissue;           // that all of them lie in, or -1: as they share them
   Float4 of_tissue[kTissueCount];
 
+  void cover(const Int4& where, const CoveredPart<Float4>& part) {
+    share = where ? part.share : share;
+    x = where ? part.x : x;
+    y = where ? part.y : y;
+  }
   void note_crossing(const Int4& counts, const Float4& value, const Float4& range_along,
                      const Float4& range_around, const Float4& along_way);
 };

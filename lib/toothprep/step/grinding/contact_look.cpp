@@ -14,8 +14,6 @@ constexpr float kSlack = 1.1f;
 // Where the cut's range along a straight profile is below this part of the element's half width,
 // the element is divided around the axis alone.
 constexpr float kAlongWall = 0.1f;
-// Where a floor meets a wall the lattice rounds it by less than this (voxels).
-constexpr float kRounded = 0.4f;
 // Beyond the rim of what advances less than this (sine) lies the wall ahead, not a floor.
 constexpr float kAdvancesLittle = 0.02f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for

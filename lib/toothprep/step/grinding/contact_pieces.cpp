@@ -32,6 +32,14 @@ constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way at most what was found of a piece stands: between voxels a gradient changes.
 constexpr double kSettledVoxels = 0.1;
 constexpr float kUnbounded = 1e3f;  // mm of way
+// A border may cross a piece where the field in its middle is this many times its half range from zero.
+constexpr float kMayCross = 1.5f;
+constexpr float kWithinPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
+// So far ahead (voxels) the bur's own print is out of the way, and a field as steep as this (squared, 1 being a
+// distance) is that of one wall.
+constexpr float kClearOfPrint = 2, kStandsAlone = 0.9f;
+// Of a piece that less than this is covered of, what lies beside a ridge is noise.
+constexpr float kLeastBesideRidge = 0.05f;
 // Of places spread evenly, over half of their range squared.
 constexpr float kVariance = 1.0f / 3;
 
@@ -42,6 +50,10 @@ Float4 floor_too_high(const Float4& value, const Float4& rise, float voxel) {
   const float most = kFloorStandsOut * voxel;
   const Float4 thick = rise - value;
   return rise > 0 ? greatest(least(2 * most - thick, all4(most)), Float4{}) : Float4{};
+}
+
+Float4 within(const Float4& value, float bound) {
+  return least(greatest(value, all4(-bound)), all4(bound));
 }
 
 }  // namespace
@@ -89,8 +101,9 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   s.cells = &near_[i];
   s.stays = s.holds = all4(kUnbounded);
   locate(scan, pieces, first, s);
-  if (found_[i] != Found::kInside) cover(scan, pieces, first, far_[i], s);
-  if (!simple) cover_tooth(scan, i, pieces, first, s);
+  const PieceAxes axes(pieces, first, s.curvature_along);
+  if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);
+  if (!simple) cover_tooth(scan, i, axes, pieces, first, s);
 
   Standing& standing = standing_[i];
   store4(s.share, standing.covered.data());
@@ -169,84 +182,170 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
   s.share = s.live ? all4(1) : Float4{};
 }
 
-// The part of each piece that is covered by what remains under the cut.
-void ContactModel::cover(const Scan& scan, const Pieces& pieces, int first, KeptCells& farther,
-                         Lanes& s) const noexcept {
-  const PieceAxes axes(pieces, first, s.curvature_along);
-  const float ka = s.curvature_along, kt = s.curvature_around;
-  const auto voxel = static_cast<float>(scan.workpiece.voxel());
-  const float wall = kWall * voxel * voxel * (ka + kt);
-  const float per_speed = s.speed > 0 ? 1 / s.speed : 0;
-  // A wall that was swept along the motion is curved across it, as the bur is.
-  const auto part_of = [&](const Float4& value, const Float4& along, const Float4& around,
-                           const FourSamples& g) {
-    const Float4 x = per_speed * (g.gy * s.uz - g.gz * s.uy),
-                 y = per_speed * (g.gz * s.ux - g.gx * s.uz),
-                 z = per_speed * (g.gx * s.uy - g.gy * s.ux);
-    const Float4 l = axes.along_x * x + axes.along_y * y + axes.along_z * z,
-                 t = axes.around_x * x + axes.around_y * y;
+// What the cut that was found of four pieces of an element is worked up by.
+struct ContactModel::CutOfPieces {
+  const PieceAxes& axes;
+  float half_along, half_around;  // of the pieces, mm
+  float curvature_along, curvature_around;
+  float voxel, wall;  // mm; by how much a wall stands out
+  float per_speed;    // s/mm
+  Float4 ux, uy, uz;  // velocity, mm/s, B
+
+  CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const Pieces& pieces, int first,
+              const Lanes& s)
+      : axes(piece_axes),
+        half_along(pieces.half_along[first]),
+        half_around(pieces.half_around[first]),
+        curvature_along(s.curvature_along),
+        curvature_around(s.curvature_around),
+        voxel(static_cast<float>(scan.workpiece.voxel())),
+        wall(kWall * voxel * voxel * (curvature_along + curvature_around)),
+        per_speed(s.speed > 0 ? 1 / s.speed : 0),
+        ux(s.ux),
+        uy(s.uy),
+        uz(s.uz) {}
+
+  // Of a field with gradient g (B, per mm), its change along the motion.
+  Float4 rise(const FourSamples& g) const {
+    return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);
+  }
+  // Its value at the surface from the sample ahead of it: a wall that was ground before counts no earlier
+  // than it is reached.
+  Float4 at_surface(const FourSamples& found, float reach) const {
+    return found.value + wall - kTakenBack * reach * rise(found);
+  }
+  // Its borders by its value (mm) at the places x, y (-1 .. 1). A wall that was swept along the motion is curved
+  // across it, as the bur is.
+  Borders borders(const Float4& value, const FourSamples& g, const Float4& x,
+                  const Float4& y) const {
+    const Float4 wx = per_speed * (g.gy * uz - g.gz * uy), wy = per_speed * (g.gz * ux - g.gx * uz),
+                 wz = per_speed * (g.gx * uy - g.gy * ux);
+    const Float4 l = axes.along_x * wx + axes.along_y * wy + axes.along_z * wz,
+                 t = axes.around_x * wx + axes.around_y * wy;
     // What the bur is fed against is its own print, as curved as it is.
-    const Float4 beside = least(x * x + y * y + z * z, all4(1));
-    const Float4 straight =
-        straightened(value, along, around, beside * (axes.bent_along(g) - 0.5f * ka * l * l),
-                     beside * (axes.bent_around(g) - 0.5f * kt * t * t));
-    return covered_part<Float4>(straight, along, around);
-  };
+    const Float4 beside = least(wx * wx + wy * wy + wz * wz, all4(1));
+    const Float4 wall_along = beside * (-0.5f * curvature_along) * l * l,
+                 wall_around = beside * (-0.5f * curvature_around) * t * t,
+                 bent_along = beside * axes.bent_along(g),
+                 bent_around = beside * axes.bent_around(g);
+    const Float4 straight_along = axes.along(g), straight_around = axes.around(g);
+    const Float4 along = straight_along - 2 * wall_along * x,
+                 around = straight_around - 2 * wall_around * y;
+    const Float4 middle = value - straight_along * x - straight_around * y +
+                          (wall_along - bent_along) * x * x + (wall_around - bent_around) * y * y;
+    return {straightened(middle, along, around, bent_along + wall_along, bent_around + wall_around),
+            along, around};
+  }
+};
 
-  // As it is at the surface: a wall that was ground before counts no earlier than it is reached.
-  const IndexFrame& f = scan.frame;
-  const FourSamples here = f.gradients(s.cells->cells.at(s.fx, s.fy, s.fz));
-  const Float4 rise = per_speed * (here.gx * s.ux + here.gy * s.uy + here.gz * s.uz);
-  const Float4 surface = here.value + wall - kTakenBack * scan.reach * rise;
-  const Float4 near_along = axes.along(here), near_around = axes.around(here);
-  const CoveredPart<Float4> near = part_of(surface, near_along, near_around, here);
-  s.note_crossing(s.live, surface, near_along, near_around, rise);
-  s.share = s.live ? near.share : Float4{};
-  s.x = near.x, s.y = near.y;
+// The part of each piece that is covered by what remains under the cut.
+void ContactModel::cover(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
+                         KeptCells& farther, Lanes& s) const noexcept {
+  const CutOfPieces cut(scan, axes, pieces, first, s);
+  const Float4 surface = cover_here(scan, cut, s);
+  if (any(s.live)) cover_ahead(scan, cut, surface, farther, s);
+}
+
+// As it is at the surface: a wall that was ground before counts no earlier than it is reached. Returns the cut's
+// value in the middle of the pieces, mm.
+Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes& s) noexcept {
+  const FourSamples here = scan.frame.gradients(s.cells->cells.at(s.fx, s.fy, s.fz));
+  const Float4 surface = cut.at_surface(here, scan.reach);
+  const Float4 along = cut.axes.along(here), around = cut.axes.around(here);
+  s.note_crossing(s.live, surface, along, around, cut.rise(here));
+  s.cut = cut.borders(surface, here, Float4{}, Float4{});
+  const Int4 crossed =
+      s.live & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
+  if ((cut.curvature_along != 0 || cut.curvature_around == 0) && any(crossed)) {
+    // Where walls meet, the bur's own print and another's, the field in the middle of a piece doesn't
+    // tell where their border is. It is looked at where it should be.
+    const Float4 by_along = along / (cut.half_along * cut.half_along),
+                 by_around = around / (cut.half_around * cut.half_around);
+    const Float4 way =
+        s.cut.value / greatest(along * by_along + around * by_around, all4(kLeastExtent));
+    const Float4 x = within(-way * by_along, kWithinPiece),
+                 y = within(-way * by_around, kWithinPiece);
+    const FourSamples there = scan.frame.gradients(sample_at(scan, cut.axes, x, y, crossed, s));
+    s.cut.replace(crossed, cut.borders(cut.at_surface(there, scan.reach), there, x, y));
+  }
+  s.cover(s.live, s.cut.part());
+  s.share = s.live ? s.share : Float4{};
   s.live = s.share > kLeastShare;
-  if (!any(s.live)) return;
+  return surface;
+}
 
-  // The same farther ahead; the cells of the samples at the surface stay.
+// The cut at the places x, y (-1 .. 1) of four pieces.
+FourSamples ContactModel::sample_at(const Scan& scan, const PieceAxes& axes, const Float4& x,
+                                    const Float4& y, const Int4& wanted, const Lanes& s) noexcept {
+  const Float4 xx = x * x, yy = y * y;
+  const Float4 dx = axes.along_x * x + axes.around_x * y + axes.bent_along_x * xx +
+                    axes.bent_around_x * yy,
+               dy = axes.along_y * x + axes.around_y * y + axes.bent_along_y * xx +
+                    axes.bent_around_y * yy,
+               dz = axes.along_z * x + axes.bent_along_z * xx;
+  const IndexFrame& f = scan.frame;
+  const float* a = f.a;
+  const FourPlaces at(s.ix + (a[0] * dx + a[1] * dy + a[2] * dz),
+                      s.iy + (a[3] * dx + a[4] * dy + a[5] * dz),
+                      s.iz + (a[6] * dx + a[7] * dy + a[8] * dz));
+  FourCells cells;
+  cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
+  return cells.at(at.fx, at.fy, at.fz);
+}
+
+// The same farther ahead; the cells of the samples at the surface stay.
+void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const Float4& surface,
+                               KeptCells& farther, Lanes& s) const noexcept {
+  const IndexFrame& f = scan.frame;
+  const PieceAxes& axes = cut.axes;
+  const float ka = cut.curvature_along, kt = cut.curvature_around, voxel = cut.voxel;
   const float look_ahead = static_cast<float>(look_ahead_), look = look_ahead - scan.reach;
   const FourPlaces at(s.ix + look * s.unit.x(), s.iy + look * s.unit.y(), s.iz + look * s.unit.z());
   farther.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), s.live,
                scan.cuts);
   const FourSamples there = f.gradients(farther.cells.at(at.fx, at.fy, at.fz));
-  const Float4 value = farther.live ? there.value + wall : all4(-1e3f);
-  const Float4 rise_there = per_speed * (there.gx * s.ux + there.gy * s.uy + there.gz * s.uz);
-  const Float4 back = value - look_ahead * rise_there;
+  const Float4 value = farther.live ? there.value + cut.wall : all4(-1e3f);
+  const Float4 rise = cut.rise(there), back = value - look_ahead * rise;
   const Float4 range_along = axes.along(there), range_around = axes.around(there);
   // How much the surface is curved along the motion.
   const Float4 vl = (s.ux * axes.along_x + s.uy * axes.along_y + s.uz * axes.along_z) *
-                    (per_speed / pieces.half_along[first]),
+                    (cut.per_speed / cut.half_along),
                vt = (s.ux * axes.around_x + s.uy * axes.around_y) *
-                    (per_speed / pieces.half_around[first]);
+                    (cut.per_speed / cut.half_around);
   const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
   const Float4 towards_edge = range_along * range_along;
   // What an edge left runs along the motion.
-  const Float4 across = kAcross * magnitude(rise_there);
+  const Float4 across = kAcross * magnitude(rise);
   const Float4 of_edge = s.at_edge ? greatest(1 - across, Float4{}) * towards_edge /
                                          greatest(towards_edge + range_around * range_around,
                                                   all4(kLeastExtent * kLeastExtent))
                                    : Float4{};
   const Float4 fresh =
       (kFresh * 0.5f * look * look) * bend +
-      (s.at_edge ? all4(kFresh * look * per_speed) : Float4{}) * greatest(s.advance, Float4{});
+      (s.at_edge ? all4(kFresh * look * cut.per_speed) : Float4{}) * greatest(s.advance, Float4{});
   // Of a flat end only beside the axis, where floor and wall of its slot meet.
   const Float4 beside = kt != 0 ? all4(1) : greatest(1 - kBeside * vl * vl, Float4{});
   const Float4 stands_out =
       all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge * beside;
   Float4 hidden = least(least(value, back), surface);
   if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, voxel);
-  s.note_crossing(s.live, hidden, range_along, range_around, rise_there);
+  s.note_crossing(s.live, hidden, range_along, range_around, rise);
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
-  const CoveredPart<Float4> far =
-      part_of(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden, range_along,
-              range_around, there);
-  const Int4 less = far.share < s.share;
-  s.share = less ? far.share : s.share;
-  s.x = less ? far.x : s.x;
-  s.y = less ? far.y : s.y;
+  const Borders ahead =
+      cut.borders(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden, there,
+                  Float4{}, Float4{});
+  const CoveredPart<Float4> part = ahead.part();
+  Int4 counts = part.share < s.share;
+  if (ka != 0 && look > kClearOfPrint * voxel) {
+    // A ridge between the bur's own print and a wall along the motion is rounded on the lattice; farther
+    // ahead that wall stands alone.
+    const Float4 slope = there.gx * there.gx + there.gy * there.gy + there.gz * there.gz;
+    const Int4 alone =
+        (slope > kStandsAlone) & (across < 1) & (magnitude(surface - hidden) < kRounded * voxel);
+    counts |= alone & (s.share > kLeastBesideRidge);
+  }
+  s.cut.replace(counts, ahead);
+  s.cover(counts, part);
 }
 
 // The part of each piece that advances; what doesn't at all is kept for when the motion turns.

@@ -79,9 +79,21 @@ void tissue_shares(const Workpiece& workpiece, std::size_t brick, const Index3& 
 
 }  // namespace
 
+// Of pieces that both the cut and the tooth's surface cross, what lies under both.
+void ContactModel::cover_both(const Int4& where, const Borders& surface, Lanes& s) noexcept {
+  const auto line = [](const Borders& b, int p) {
+    return DividingLine{b.value[p], b.along[p], b.around[p]};
+  };
+  for (int p = 0; p < kPieces; ++p) {
+    if (!where[p]) continue;
+    const CoveredPart<float> part = covered_by_both(line(s.cut, p), line(surface, p));
+    s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
+  }
+}
+
 // What is covered of the pieces lies in the tooth in part, and in which tissue.
-void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, int first,
-                               Lanes& s) noexcept {
+void ContactModel::cover_tooth(const Scan& scan, int i, const PieceAxes& axes, const Pieces& pieces,
+                               int first, Lanes& s) noexcept {
   const Workpiece& workpiece = scan.workpiece;
   const Standing& standing = standing_[i];
   Int4 at_surface{}, only{};
@@ -91,7 +103,6 @@ void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, in
     at_surface[p] = standing.inside_tooth || workpiece.deep(b) ? 0 : -1;
     only[p] = standing.only != 0 ? standing.only : workpiece.only_tissue(b);
   }
-  const PieceAxes axes(pieces, first, s.curvature_along);
   KeptTissues& kept = tissues_[i];
   kept.move_to(s.cells->x, s.cells->y, s.cells->z);
   if (any(at_surface)) {
@@ -100,11 +111,12 @@ void ContactModel::cover_tooth(const Scan& scan, int i, const Pieces& pieces, in
     const Float4 along = axes.along(g), around = axes.around(g);
     const Float4 value = straightened(at_surface4(solid, s.ahead), along, around,
                                       axes.bent_along(g), axes.bent_around(g));
-    const CoveredPart<Float4> part = covered_part<Float4>(value, along, around);
-    const Int4 less = at_surface & (part.share < s.share);
-    s.x = less ? part.x : s.x;
-    s.y = less ? part.y : s.y;
-    s.share = at_surface ? s.share * part.share : s.share;
+    const Borders surface{value, along, around};
+    const CoveredPart<Float4> part = surface.part();
+    const Int4 both = at_surface & (least(part.share, s.share) > kLeastShare) &
+                      (greatest(part.share, s.share) < 1 - kLeastShare);
+    s.cover(at_surface & (part.share < s.share), part);
+    if (any(both)) cover_both(both, surface, s);
     s.note_crossing(at_surface, value, along, around, along4(solid, s.unit));
   }
   const Int4 counts = s.share > kLeastShare;

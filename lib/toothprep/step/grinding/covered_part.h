@@ -6,6 +6,8 @@
 // alone, and the piece's own middle, every piece at a border errs to the same side.
 #pragma once
 
+#include <algorithm>
+
 #include "toothprep/step/grinding/four_lanes.h"
 
 namespace toothprep {
@@ -44,6 +46,48 @@ template <class T>
   const T p = least(greatest(along, -one), one), q = least(greatest(across, -one), one);
   const T x = abs_b > abs_a ? q : p, y = abs_b > abs_a ? p : q;
   return {share, turned_where_negative(a, x), turned_where_negative(b, y)};
+}
+
+// A line c + a x + b y = 0 through that rectangle.
+struct DividingLine {
+  float c, a, b;
+  [[nodiscard]] float at(float x, float y) const noexcept { return c + a * x + b * y; }
+};
+
+// The part of the rectangle on the negative side of both lines. It is cut out as a polygon: by the shares of
+// each line alone it isn't known whether they leave out the same or each something else.
+[[nodiscard]] inline CoveredPart<float> covered_by_both(const DividingLine& first,
+                                                        const DividingLine& second) noexcept {
+  struct Point {
+    float x, y;
+  };
+  constexpr int kMost =
+      10;  // the first leaves five corners; by rounding alone each could become two
+  constexpr float kLeastArea = 1e-6f;
+  Point polygon[kMost] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+  int count = 4;
+  for (const DividingLine* line : {&first, &second}) {
+    Point rest[kMost];
+    int left = 0;
+    for (int i = 0; i < count; ++i) {
+      const Point p = polygon[i], q = polygon[i + 1 < count ? i + 1 : 0];
+      const float at_p = line->at(p.x, p.y), at_q = line->at(q.x, q.y);
+      if (at_p < 0) rest[left++] = p;
+      if ((at_p < 0) == (at_q < 0)) continue;
+      const float way = at_p / (at_p - at_q);
+      rest[left++] = {p.x + way * (q.x - p.x), p.y + way * (q.y - p.y)};
+    }
+    count = left;
+    std::copy_n(rest, count, polygon);
+  }
+  float area = 0, x = 0, y = 0;  // twice the area, six times its moments
+  for (int i = 0; i < count; ++i) {
+    const Point p = polygon[i], q = polygon[i + 1 < count ? i + 1 : 0];
+    const float cross = p.x * q.y - q.x * p.y;
+    area += cross, x += cross * (p.x + q.x), y += cross * (p.y + q.y);
+  }
+  if (!(area > kLeastArea)) return {0, 0, 0};
+  return {area / 8, x / (3 * area), y / (3 * area)};
 }
 
 }  // namespace toothprep
