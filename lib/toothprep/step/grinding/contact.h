@@ -99,6 +99,8 @@ class ContactModel {
   struct PieceAxes;
   struct Borders;
   struct CutOfPieces;
+  struct Place;
+  struct AtBorder;
   // Four elements under way that are looked at as a whole.
   struct Look;
   // What a look needs to know of an element, four numbers at a time (mm, B).
@@ -138,8 +140,8 @@ class ContactModel {
   static Float4 cover_here(const Scan& scan, const CutOfPieces& cut, Lanes& lanes) noexcept;
   void cover_ahead(const Scan& scan, const CutOfPieces& cut, const Float4& surface,
                    KeptCells& farther, Lanes& lanes) const noexcept;
-  static FourSamples sample_at(const Scan& scan, const PieceAxes& axes, const Float4& x,
-                               const Float4& y, const Int4& wanted, const Lanes& lanes) noexcept;
+  static AtBorder look_at_border(const Scan& scan, const CutOfPieces& cut, const Borders& borders,
+                                 const Place& middle, const Int4& wanted) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;

@@ -149,6 +149,17 @@ struct ContactModel::Borders {
   }
 };
 
+// Of four pieces, in voxels.
+struct ContactModel::Place {
+  Float4 x, y, z;
+};
+
+// What the cut is found to be at the places x, y (-1 .. 1) of four pieces: gradients in B, per mm.
+struct ContactModel::AtBorder {
+  Float4 x, y;
+  FourSamples found;
+};
+
 struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element

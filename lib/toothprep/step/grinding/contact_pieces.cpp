@@ -187,9 +187,10 @@ struct ContactModel::CutOfPieces {
   const PieceAxes& axes;
   float half_along, half_around;  // of the pieces, mm
   float curvature_along, curvature_around;
-  float voxel, wall;  // mm; by how much a wall stands out
-  float per_speed;    // s/mm
-  Float4 ux, uy, uz;  // velocity, mm/s, B
+  float voxel, wall;   // mm; by how much a wall stands out
+  float per_speed;     // s/mm
+  bool may_be_ridges;  // not along straight sides, which are swept as they are
+  Float4 ux, uy, uz;   // velocity, mm/s, B
 
   CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const Pieces& pieces, int first,
               const Lanes& s)
@@ -201,6 +202,7 @@ struct ContactModel::CutOfPieces {
         voxel(static_cast<float>(scan.workpiece.voxel())),
         wall(kWall * voxel * voxel * (curvature_along + curvature_around)),
         per_speed(s.speed > 0 ? 1 / s.speed : 0),
+        may_be_ridges(curvature_along != 0 || curvature_around == 0),
         ux(s.ux),
         uy(s.uy),
         uz(s.uz) {}
@@ -256,17 +258,9 @@ Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes&
   s.cut = cut.borders(surface, here, Float4{}, Float4{});
   const Int4 crossed =
       s.live & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
-  if ((cut.curvature_along != 0 || cut.curvature_around == 0) && any(crossed)) {
-    // Where walls meet, the bur's own print and another's, the field in the middle of a piece doesn't
-    // tell where their border is. It is looked at where it should be.
-    const Float4 by_along = along / (cut.half_along * cut.half_along),
-                 by_around = around / (cut.half_around * cut.half_around);
-    const Float4 way =
-        s.cut.value / greatest(along * by_along + around * by_around, all4(kLeastExtent));
-    const Float4 x = within(-way * by_along, kWithinPiece),
-                 y = within(-way * by_around, kWithinPiece);
-    const FourSamples there = scan.frame.gradients(sample_at(scan, cut.axes, x, y, crossed, s));
-    s.cut.replace(crossed, cut.borders(cut.at_surface(there, scan.reach), there, x, y));
+  if (cut.may_be_ridges && any(crossed)) {
+    const AtBorder at = look_at_border(scan, cut, s.cut, {s.ix, s.iy, s.iz}, crossed);
+    s.cut.replace(crossed, cut.borders(cut.at_surface(at.found, scan.reach), at.found, at.x, at.y));
   }
   s.cover(s.live, s.cut.part());
   s.share = s.live ? s.share : Float4{};
@@ -274,9 +268,19 @@ Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes&
   return surface;
 }
 
-// The cut at the places x, y (-1 .. 1) of four pieces.
-FourSamples ContactModel::sample_at(const Scan& scan, const PieceAxes& axes, const Float4& x,
-                                    const Float4& y, const Int4& wanted, const Lanes& s) noexcept {
+// Where walls meet, the bur's own print and another's or its floor and its side, the field in the middle of a
+// piece doesn't tell where their border is. The cut is looked at where it should be; `middle`: of the pieces,
+// from the tip's voxel.
+ContactModel::AtBorder ContactModel::look_at_border(const Scan& scan, const CutOfPieces& cut,
+                                                    const Borders& borders, const Place& middle,
+                                                    const Int4& wanted) noexcept {
+  const Float4 by_along = borders.along / (cut.half_along * cut.half_along),
+               by_around = borders.around / (cut.half_around * cut.half_around);
+  const Float4 way =
+      -borders.value /
+      greatest(borders.along * by_along + borders.around * by_around, all4(kLeastExtent));
+  const Float4 x = within(way * by_along, kWithinPiece), y = within(way * by_around, kWithinPiece);
+  const PieceAxes& axes = cut.axes;
   const Float4 xx = x * x, yy = y * y;
   const Float4 dx = axes.along_x * x + axes.around_x * y + axes.bent_along_x * xx +
                     axes.bent_around_x * yy,
@@ -285,12 +289,12 @@ FourSamples ContactModel::sample_at(const Scan& scan, const PieceAxes& axes, con
                dz = axes.along_z * x + axes.bent_along_z * xx;
   const IndexFrame& f = scan.frame;
   const float* a = f.a;
-  const FourPlaces at(s.ix + (a[0] * dx + a[1] * dy + a[2] * dz),
-                      s.iy + (a[3] * dx + a[4] * dy + a[5] * dz),
-                      s.iz + (a[6] * dx + a[7] * dy + a[8] * dz));
+  const FourPlaces at(middle.x + (a[0] * dx + a[1] * dy + a[2] * dz),
+                      middle.y + (a[3] * dx + a[4] * dy + a[5] * dz),
+                      middle.z + (a[6] * dx + a[7] * dy + a[8] * dz));
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
-  return cells.at(at.fx, at.fy, at.fz);
+  return {x, y, f.gradients(cells.at(at.fx, at.fy, at.fz))};
 }
 
 // The same farther ahead; the cells of the samples at the surface stay.
@@ -300,7 +304,8 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   const PieceAxes& axes = cut.axes;
   const float ka = cut.curvature_along, kt = cut.curvature_around, voxel = cut.voxel;
   const float look_ahead = static_cast<float>(look_ahead_), look = look_ahead - scan.reach;
-  const FourPlaces at(s.ix + look * s.unit.x(), s.iy + look * s.unit.y(), s.iz + look * s.unit.z());
+  const Place middle{s.ix + look * s.unit.x(), s.iy + look * s.unit.y(), s.iz + look * s.unit.z()};
+  const FourPlaces at(middle.x, middle.y, middle.z);
   farther.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), s.live,
                scan.cuts);
   const FourSamples there = f.gradients(farther.cells.at(at.fx, at.fy, at.fz));
@@ -331,12 +336,19 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, voxel);
   s.note_crossing(s.live, hidden, range_along, range_around, rise);
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
-  const Borders ahead =
-      cut.borders(parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden, there,
-                  Float4{}, Float4{});
+  const Float4 tells = parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden;
+  Borders ahead = cut.borders(tells, there, Float4{}, Float4{});
+  const Int4 crossed =
+      s.live & farther.live & (value <= least(back, surface)) &
+      (magnitude(tells) < kMayCross * (magnitude(range_along) + magnitude(range_around)));
+  if (cut.may_be_ridges && any(crossed)) {
+    const AtBorder found = look_at_border(scan, cut, ahead, middle, crossed);
+    ahead.replace(crossed, cut.borders(found.found.value + cut.wall + (tells - value), found.found,
+                                       found.x, found.y));
+  }
   const CoveredPart<Float4> part = ahead.part();
   Int4 counts = part.share < s.share;
-  if (ka != 0 && look > kClearOfPrint * voxel) {
+  if (cut.may_be_ridges && look > kClearOfPrint * voxel) {
     // A ridge between the bur's own print and a wall along the motion is rounded on the lattice; farther
     // ahead that wall stands alone.
     const Float4 slope = there.gx * there.gx + there.gy * there.gy + there.gz * there.gz;
