@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "toothprep/step/grinding/contact_frame.h"
@@ -39,9 +40,11 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {
   const std::size_t n = elements_.size();
-  for (auto* array : {&left_, &slack_, &advance_, &range_}) array->resize(n);
-  for (auto* array : {&worth_, &candidates_, &to_look_}) array->resize(n);
-  found_.assign(n, Found::kVoid);
+  // By fours, of which choose() takes them; those beyond the last are never worth a look.
+  const std::size_t by_fours = (n + kPieces - 1) / kPieces * kPieces;
+  for (auto* array : {&left_, &slack_, &advance_, &range_}) array->resize(by_fours);
+  for (auto* array : {&worth_, &candidates_, &to_look_}) array->resize(by_fours);
+  found_.assign(by_fours, Found::kVoid);
   standing_.resize(n);
   cells_.resize(n);
   near_.resize(n), far_.resize(n);
@@ -240,15 +243,31 @@ void ContactModel::advance_straight(const Scan& scan) noexcept {
 void ContactModel::advance_turning(const Scan& scan) noexcept {
   const SurfaceElements& e = elements_;
   const int n = static_cast<int>(e.size());
+  const float vx = scan.v.x(), vy = scan.v.y(), vz = scan.v.z();
+  const float ox = scan.omega.x(), oy = scan.omega.y(), oz = scan.omega.z();
+  const float *x = e.x.data(), *y = e.y.data(), *z = e.z.data();
+  const float *nx = e.nx.data(), *ny = e.ny.data(), *nz = e.nz.data();
+  const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
+  const float *tx = e.tx.data(), *ty = e.ty.data();
+  const float *turn_around = turn_around_.data(), *turn_along = turn_along_.data();
+  float *advance = advance_.data(), *range = range_.data();
+  std::int32_t* worth = worth_.data();
+#pragma omp simd
   for (int i = 0; i < n; ++i) {
-    const Eigen::Vector3f u = scan.velocity_at(e.x[i], e.y[i], e.z[i]);
-    const float speed = std::sqrt(u.squaredNorm());
-    advance_[i] = e.nx[i] * u.x() + e.ny[i] * u.y() + e.nz[i] * u.z();
-    range_[i] = std::abs((e.tx[i] * u.x() + e.ty[i] * u.y()) * turn_around_[i]) +
-                std::abs((e.lx[i] * u.x() + e.ly[i] * u.y() + e.lz[i] * u.z()) * turn_along_[i]);
-    worth_[i] = advance_[i] + range_[i] > -kMarginSine * speed ? 1 : 0;
+    const float ux = vx + (oy * z[i] - oz * y[i]), uy = vy + (oz * x[i] - ox * z[i]),
+                uz = vz + (ox * y[i] - oy * x[i]);
+    const float s = nx[i] * ux + ny[i] * uy + nz[i] * uz;
+    const float r = std::abs((tx[i] * ux + ty[i] * uy) * turn_around[i]) +
+                    std::abs((lx[i] * ux + ly[i] * uy + lz[i] * uz) * turn_along[i]);
+    advance[i] = s;
+    range[i] = r;
+    worth[i] = s + r > -kMarginSine * std::sqrt(ux * ux + (uy * uy + uz * uz)) ? 1 : 0;
+  }
+  for (int i = 0; i < n; ++i) {
+    if (left_[i] < 0) continue;
+    const Eigen::Vector3f u = scan.velocity_at(x[i], y[i], z[i]);
     const Standing& s = standing_[i];
-    if (!(s.ux * u.x() + s.uy * u.y() + s.uz * u.z() >= kSameDirection * speed)) left_[i] = -1;
+    if (!(s.ux * u.x() + s.uy * u.y() + s.uz * u.z() >= kSameDirection * u.norm())) left_[i] = -1;
   }
 }
 
@@ -256,29 +275,31 @@ void ContactModel::advance_turning(const Scan& scan) noexcept {
 // which what was found stands no longer are looked at first.
 int ContactModel::choose(const Scan& scan) noexcept {
   const int n = static_cast<int>(worth_.size());
-  const Found* found = found_.data();
-  const float *left = left_.data(), *slack = slack_.data();
-  std::int32_t* worth = worth_.data();
-  auto held = static_cast<float>(most_held_);
-#pragma omp simd reduction(min : held)
-  for (int i = 0; i < n; ++i) {
-    const bool stands = static_cast<std::int32_t>(found[i]) == 0 && left[i] >= 0;
-    const float until = stands && worth[i] != 0 ? left[i] + slack[i] : held;
-    held = until < held ? until : held;
-    worth[i] = stands ? 0 : worth[i];
-  }
   std::int32_t *const candidates = candidates_.data(), *const to_look = to_look_.data();
+  const float *const left = left_.data(), *const slack = slack_.data();
+  const Found* const found = found_.data();
+  Float4 until = all4(static_cast<float>(most_held_));
   int count = 0, looks = 0;
-  for (int i = 0; i < n; ++i) {
-    candidates[count] = i;
-    count += worth[i];
-  }
-  for (int k = 0; k < count; ++k) {
-    to_look[looks] = candidates[k];
-    looks += left[candidates[k]] < 0 ? 1 : 0;
+  for (int i = 0; i < n; i += kPieces) {
+    Int4 worth, kind;
+    std::memcpy(&worth, &worth_[i], sizeof worth);
+    worth = worth != 0;
+    if (!any(worth)) continue;
+    std::memcpy(&kind, &found[i], sizeof kind);
+    const Float4 stay = load4(left + i);
+    const Int4 stands = (kind == static_cast<std::int32_t>(Found::kVoid)) & (stay >= 0);
+    until = worth & stands ? least(until, stay + load4(slack + i)) : until;
+    worth &= ~stands;
+    if (!any(worth)) continue;
+    const Int4 anew = worth & (stay < 0);
+    for (int p = 0; p < kPieces; ++p) {
+      candidates[count] = to_look[looks] = i + p;
+      count -= worth[p], looks -= anew[p];
+    }
   }
   for (int l = 0; l < looks; l += kPieces) look(scan, to_look + l, std::min(kPieces, looks - l));
   // Until an element that is in the void may be reached.
+  float held = least_of(until);
   for (int l = 0; l < looks; ++l) {
     const std::int32_t i = to_look[l];
     if (found[i] == Found::kVoid) held = std::min(held, left[i] + slack[i]);
@@ -320,14 +341,15 @@ int ContactModel::add_advancing(const Scan& scan, int candidates) noexcept {
 void ContactModel::settle(const Scan& scan, int i) noexcept {
   if (found_[i] == Found::kVoid) return;
   const Standing& s = standing_[i];
-  const float speed = scan.turns
-                          ? scan.velocity_at(elements_.x[i], elements_.y[i], elements_.z[i]).norm()
-                          : scan.speed;
-  const bool none = advance_[i] + range_[i] <= kRounding * speed;
-  const bool whole = advance_[i] >= range_[i];
+  const bool inside = found_[i] == Found::kInside, whole = advance_[i] >= range_[i];
   // What can only advance once the motion turns has no force yet.
-  if (s.only != 0 && s.inside_tooth && (none || (whole && found_[i] == Found::kInside)))
-    add_whole(scan, i, s.only - 1, found_[i] == Found::kInside ? 1 : s.share);
+  const auto none = [&] {
+    const SurfaceElements& e = elements_;
+    const float speed = scan.turns ? scan.velocity_at(e.x[i], e.y[i], e.z[i]).norm() : scan.speed;
+    return advance_[i] + range_[i] <= kRounding * speed;
+  };
+  if (s.only != 0 && s.inside_tooth && ((whole && inside) || none()))
+    add_whole(scan, i, s.only - 1, inside ? 1 : s.share);
   else
     divide(scan, i);
 }

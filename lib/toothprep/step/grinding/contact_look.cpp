@@ -81,8 +81,11 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
     slack_[i] = kStands * (1 - 1 / kSlack) * s.extent[p];
     found_[i] = Found::kVoid;
     left_[i] = s.live[p] ? left[p] : kStands * workpiece.band();
+    // What it says of the pieces is read only once they are looked at.
     Standing& standing = standing_[i];
-    standing = Standing();
+    standing.inside_tooth = standing.strips = false;
+    standing.only = 0;
+    standing.share = 0;
     standing.ux = s.u[p].x(), standing.uy = s.u[p].y(), standing.uz = s.u[p].z();
   }
   if (!any(s.remains)) return;

@@ -20,9 +20,10 @@ ContactSet::ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>
     ct_[k] = static_cast<float>(ct);
     cn_[k] = static_cast<float>(ct / tissue[k].force_ratio);
   }
+  const std::size_t by_fours = (capacity + 3) / 4 * 4;  // as they are read
   for (auto* array : {&nx_, &ny_, &nz_, &mx_, &my_, &mz_, &qx_, &qy_, &qz_, &torque_})
-    array->resize(capacity);
-  area_.resize(capacity);
+    array->resize(by_fours);
+  area_.resize(by_fours);
 }
 
 void ContactSet::Sums::add(const Element& e) noexcept {
@@ -212,31 +213,36 @@ AdvancingSet advancing(const Entries& e, const Eigen::Vector3f& v, const Eigen::
   return {count, places};
 }
 
-// B and b of those that advance.
+// B and b of those that advance, added up in their order, and which these are.
 template <bool kTurns>
 void respond(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o,
              GrindingResponse& r) {
-  const float vx = v.x(), vy = v.y(), vz = v.z(), ox = o.x(), oy = o.y(), oz = o.z();
-  const float *nx = e.nx, *ny = e.ny, *nz = e.nz, *mx = e.mx, *my = e.my, *mz = e.mz;
-  const float *qx = e.qx, *qy = e.qy, *qz = e.qz, *p = e.torque;
-  const int n = e.count;
-  const float least = e.least;
-  float b00 = 0, b01 = 0, b02 = 0, b10 = 0, b11 = 0, b12 = 0, b20 = 0, b21 = 0, b22 = 0;
-  float t0 = 0, t1 = 0, t2 = 0;
-#pragma omp simd reduction(+ : b00, b01, b02, b10, b11, b12, b20, b21, b22, t0, t1, t2)
-  for (int i = 0; i < n; ++i) {
-    float s = nx[i] * vx + ny[i] * vy + nz[i] * vz;
-    if constexpr (kTurns) s = s + mx[i] * ox + my[i] * oy + mz[i] * oz;
-    const bool advances = s > least;
-    const float x = advances ? qx[i] : 0, y = advances ? qy[i] : 0, z = advances ? qz[i] : 0;
-    const float torque = advances ? p[i] : 0;
-    b00 += x * nx[i], b01 += x * ny[i], b02 += x * nz[i];
-    b10 += y * nx[i], b11 += y * ny[i], b12 += y * nz[i];
-    b20 += z * nx[i], b21 += z * ny[i], b22 += z * nz[i];
-    t0 += torque * nx[i], t1 += torque * ny[i], t2 += torque * nz[i];
+  Float4 bx{}, by{}, bz{}, torque{};  // rows of B, and b
+  Int4 count{}, places{};
+  for (int i = 0; i < e.count; i += 4) {
+    Float4 nx = load4(e.nx + i), ny = load4(e.ny + i), nz = load4(e.nz + i), none{};
+    Float4 s = nx * v.x() + ny * v.y() + nz * v.z();
+    if constexpr (kTurns)
+      s = s + load4(e.mx + i) * o.x() + load4(e.my + i) * o.y() + load4(e.mz + i) * o.z();
+    const Int4 place = Int4{0, 1, 2, 3} + i;
+    const Int4 advances = (s > e.least) & (place < e.count);
+    if (!any(advances)) continue;
+    count -= advances;
+    places += place & advances;
+    Float4 qx = load4(e.qx + i), qy = load4(e.qy + i), qz = load4(e.qz + i),
+           p = load4(e.torque + i);
+    qx = advances ? qx : Float4{}, qy = advances ? qy : Float4{};
+    qz = advances ? qz : Float4{}, p = advances ? p : Float4{};
+    transpose(nx, ny, nz, none);
+    for (int k = 0; k < 4; ++k) {
+      const Float4 n = k == 0 ? nx : k == 1 ? ny : k == 2 ? nz : none;
+      bx += qx[k] * n, by += qy[k] * n, bz += qz[k] * n, torque += p[k] * n;
+    }
   }
-  r.B << b00, b01, b02, b10, b11, b12, b20, b21, b22;
-  r.b = Vec3(t0, t1, t2);
+  r.B << bx[0], bx[1], bx[2], by[0], by[1], by[2], bz[0], bz[1], bz[2];
+  r.b = Vec3(torque[0], torque[1], torque[2]);
+  r.set = {count[0] + count[1] + count[2] + count[3],
+           places[0] + places[1] + places[2] + places[3]};
 }
 
 }  // namespace
@@ -250,7 +256,6 @@ GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) c
     respond<true>(e, vf, of, r);
   else
     respond<false>(e, vf, of, r);
-  r.set = advancing_of_entries(v, omega);
   if (omega.squaredNorm() > 0) {
     const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
     float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
@@ -287,20 +292,16 @@ PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) c
   static_assert(kTissueCount == 4);
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   Float4 sum{};
-  const auto add = [&](int i, bool advances) {
-    if (advances) sum += load4(area_[i].data());
-  };
-  int i = 0;
-  for (; i + 4 <= count_; i += 4) {
+  for (int i = 0; i < count_; i += 4) {
     const Float4 s = load4(&nx_[i]) * vf.x() + load4(&ny_[i]) * vf.y() + load4(&nz_[i]) * vf.z() +
                      load4(&mx_[i]) * of.x() + load4(&my_[i]) * of.y() + load4(&mz_[i]) * of.z();
-    const Int4 advances = s > 0;
-    for (int k = 0; k < 4; ++k) add(i + k, advances[k] != 0);
+    const Int4 advances = (s > 0) & (Int4{0, 1, 2, 3} + i < count_);
+    if (!any(advances)) continue;
+    for (int k = 0; k < 4; ++k) {
+      const Int4 counts = Int4{} + advances[k];
+      sum += counts ? load4(area_[i + k].data()) : Float4{};
+    }
   }
-  for (; i < count_; ++i)
-    add(i, nx_[i] * vf.x() + ny_[i] * vf.y() + nz_[i] * vf.z() + mx_[i] * of.x() + my_[i] * of.y() +
-                   mz_[i] * of.z() >
-               0);
   PerTissue<double> area{};
   for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k] + sums_[k].feed[15];
   return area;

@@ -10,6 +10,8 @@
 
 namespace toothprep {
 
+constexpr double kColumnRounding = 1e-6;  // voxels
+
 // Calls found(brick, voxel in it, place, label) for every voxel of tissue that isn't cut and whose
 // centre lies more than `depth` (mm, not negative) beneath the surface of the head at `pose`.
 template <class Found>
@@ -46,7 +48,14 @@ void for_deep_voxels(const Bur& bur, const Workpiece& workpiece, const Pose& pos
           if (label == 0 || is_cut[at] > 0) continue;
           const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
           if (b.z() < lowest || b.head<2>().squaredNorm() > widest * widest) continue;
-          if (!(bur.distance(std::hypot(b.x(), b.y()), b.z()) < -depth)) continue;
+          const double d = bur.distance(std::hypot(b.x(), b.y()), b.z());
+          if (!(d < -depth)) {
+            // A distance changes by no more than the way, so the next ones aren't deep either.
+            const int more = static_cast<int>(
+                std::min<double>(kBrickEdge, (d + depth) / voxel - kColumnRounding));
+            z += more, at += more;
+            continue;
+          }
           found(brick, at, Index3(x, y, z), label);
           is_cut = cut.brick(brick);  // may be elsewhere now
         }
