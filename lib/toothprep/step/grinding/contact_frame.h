@@ -157,7 +157,7 @@ struct ContactModel::Place {
 // What the cut is found to be at the places x, y (-1 .. 1) of four pieces: gradients in B, per mm.
 struct ContactModel::AtBorder {
   Float4 x, y;
-  FourSamples found;
+  FourSamples sample;
 };
 
 struct ContactModel::Lanes {

@@ -182,7 +182,7 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
   s.share = s.live ? all4(1) : Float4{};
 }
 
-// What the cut that was found of four pieces of an element is worked up by.
+// Four pieces of an element against the cut: where its field, by what is found of it, divides them.
 struct ContactModel::CutOfPieces {
   const PieceAxes& axes;
   float half_along, half_around;  // of the pieces, mm
@@ -260,7 +260,8 @@ Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes&
       s.live & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
   if (cut.may_be_ridges && any(crossed)) {
     const AtBorder at = look_at_border(scan, cut, s.cut, {s.ix, s.iy, s.iz}, crossed);
-    s.cut.replace(crossed, cut.borders(cut.at_surface(at.found, scan.reach), at.found, at.x, at.y));
+    s.cut.replace(crossed,
+                  cut.borders(cut.at_surface(at.sample, scan.reach), at.sample, at.x, at.y));
   }
   s.cover(s.live, s.cut.part());
   s.share = s.live ? s.share : Float4{};
@@ -343,8 +344,8 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
       (magnitude(tells) < kMayCross * (magnitude(range_along) + magnitude(range_around)));
   if (cut.may_be_ridges && any(crossed)) {
     const AtBorder found = look_at_border(scan, cut, ahead, middle, crossed);
-    ahead.replace(crossed, cut.borders(found.found.value + cut.wall + (tells - value), found.found,
-                                       found.x, found.y));
+    ahead.replace(crossed, cut.borders(found.sample.value + cut.wall + (tells - value),
+                                       found.sample, found.x, found.y));
   }
   const CoveredPart<Float4> part = ahead.part();
   Int4 counts = part.share < s.share;
