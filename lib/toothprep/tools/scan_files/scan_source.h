@@ -13,8 +13,10 @@
 
 namespace toothprep {
 
+// A box of an image's voxels.
 struct VoxelRange {
   Index3 first, last;  // inclusive
+  // How many along each axis.
   [[nodiscard]] Index3 size() const { return last - first + Index3::Ones(); }
 };
 
