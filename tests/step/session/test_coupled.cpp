@@ -379,12 +379,12 @@ TEST(Determinism, TheSamePathGivesTheSameBits) {
 TEST(Coupled, ABurThatFliesOutOfAStretchedSpringRemovesNothingWithoutWork) {
   // Across an edge of the block, out of its side under a spring stretched by two millimetres: the
   // bur swings at half a metre a second, which is several voxels a step, and comes back to the
-  // wall. Work and removal still agree: of one such flight to 3 %, of several to 1.2 %, since how
+  // wall. Work and removal still agree: of one such flight to 3 %, of fourteen to 1.2 %, since how
   // the bur meets the wall again differs from flight to flight (72 of them, at other places beside
   // these: mean 0.9915, standard deviation 0.0054, least 0.9753).
   const Parameters p = paper_without_stall();
   double mean = 0;
-  for (const double z : {-1.5, -1.47, -1.41, -1.33})
+  for (const double z : {-1.5, -1.47, -1.44, -1.41, -1.38, -1.35, -1.33})
     for (const double x : {-0.1, -0.17}) {
       const Outcome r = run(block(0.1, 6, Vec3(5, 6, 5)), paper_cylinder(), p, Drive::kCoupled,
                             straight_path({Vec3(x, 0.8, z), Vec3(x + 5.5, -4.7, z)}, 0.5));
@@ -393,7 +393,7 @@ TEST(Coupled, ABurThatFliesOutOfAStretchedSpringRemovesNothingWithoutWork) {
       EXPECT_GT(fastest, 200);
       std::printf("fastest %.0f mm/s, energy ratio %.4f\n", fastest, r.energy_ratio(p));
       EXPECT_NEAR(r.energy_ratio(p), 1, 0.03);
-      mean += r.energy_ratio(p) / 8;
+      mean += r.energy_ratio(p) / 14;
     }
   EXPECT_NEAR(mean, 1, 0.012);
 }
