@@ -112,7 +112,7 @@ std::pair<std::string, Surface> FigureContext::write_surface(const Experiment& e
   std::string file = place(experiment, name + ".ply");
   TriangleMesh mesh = surface_by_tissue(tooth).mesh;
   write_mesh(mesh, options_.output + "/" + file);
-  return {std::move(file), {std::move(mesh), {}}};
+  return {std::move(file), Surface{std::move(mesh), {}}};
 }
 
 std::pair<std::string, Surface> FigureContext::write_layers(const Experiment& experiment,
