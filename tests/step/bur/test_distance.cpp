@@ -273,5 +273,41 @@ TEST(BurDistance, IsTheSameToTheLastBitForEveryProcessor) {
   }
 }
 
+TEST(MitredDistances, OfPointsInABallAreThoseOfEachPoint) {
+  const std::vector<DistanceKernel> kernels = distance_kernels();
+  for (const Bur& bur : all_burs()) {
+    const DistanceOutline<float> outline = fast_outline(bur.profile());
+    Random random(9);
+    for (int k = 0; k < 400; ++k) {
+      // From a block of the finest voxels to one that holds most of the head, whose middle may be on
+      // a joint.
+      const double radius = std::pow(10.0, random.within(-2, 0.3));
+      const ProfilePiece& piece = bur.profile()[static_cast<std::size_t>(k) % bur.profile().size()];
+      const bool at_joint = k % 4 == 0;
+      const double at_r = at_joint ? piece.r1 : random.within(0, bur.max_radius() + 0.5),
+                   at_z = at_joint ? piece.z1 : random.within(-0.5, bur.head_length() + 0.5);
+      const DistanceBall ball{static_cast<float>(at_r), static_cast<float>(at_z),
+                              static_cast<float>(radius) + 1e-5f};
+      std::vector<float> r, z;
+      while (r.size() < kDistanceBlock) {
+        const double way = radius * std::sqrt(random.within(0, 1)),
+                     turn = random.within(0, 2 * kPi);
+        const double pr = at_r + way * std::cos(turn);
+        if (pr < 0) continue;
+        r.push_back(static_cast<float>(pr));
+        z.push_back(static_cast<float>(at_z + way * std::sin(turn)));
+      }
+      std::vector<float> each(r.size()), near(r.size());
+      bur.mitred_distances(r.data(), z.data(), each.data(), kDistanceBlock);
+      bur.mitred_distances_near(ball, r.data(), z.data(), near.data());
+      EXPECT_EQ(near, each) << bur.name() << " about " << at_r << ", " << at_z << ", " << radius;
+      for (const DistanceKernel& kernel : kernels) {
+        kernel.run_near(outline, ball, r.data(), z.data(), near.data());
+        EXPECT_EQ(near, each) << bur.name() << ", " << kernel.name;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace toothprep

@@ -58,6 +58,12 @@ struct DistanceOutline {
   std::vector<Corner> corners;             // to be mitred
 };
 
+// Where points lie that are asked for together, and how many they are.
+struct DistanceBall {
+  float r, z, radius;  // mm
+};
+constexpr int kDistanceBlock = 64;
+
 class Bur {  // immutable; lengths in mm, frame B; may be read from several threads
  public:
   // Pieces joined end to end from (0, 0) to (0, z_top), closing the head. Throws Error naming the
@@ -81,6 +87,9 @@ class Bur {  // immutable; lengths in mm, frame B; may be read from several thre
   // inside, so that what is interpolated between voxels errs to neither side. The value of a point
   // doesn't depend on its neighbours.
   void mitred_distances(const float* r, const float* z, float* out, int n) const noexcept;
+  // The same values of kDistanceBlock points in a ball, the faster the smaller it is.
+  void mitred_distances_near(const DistanceBall& ball, const float* r, const float* z,
+                             float* out) const noexcept;
 
   [[nodiscard]] double head_volume() const;    // mm³, exact
   [[nodiscard]] double grinding_area() const;  // mm², exact (pieces with grinds)

@@ -57,22 +57,32 @@ TOOTHPREP_INLINE void measure(const typename DistanceOutline<T>::Line& p, const 
 // With q from the arc's middle, u outward there, k the curvature and c the place from the centre: w
 // = k q.q + 2 q.u is (|c|^2 - radius^2) k, and the distance from the circle is w / (1 + k |c|). No
 // difference of large numbers, however flat the arc, and no root of a difference near the centre.
+template <class T>
+struct FromCircle {
+  T c_r, w;  // mm: of the place from the centre along r; as above
+  T distance;
+  TOOTHPREP_INLINE FromCircle(const typename DistanceOutline<T>::Arc& a, T r, T z) {
+    const T q_r = r - a.mid_r, q_z = z - a.mid_z, c_z = z - a.centre_z;
+    w = a.curvature * (q_r * q_r + q_z * q_z) + T(2) * (q_r * a.out_r + q_z * a.out_z);
+    c_r = r - a.centre_r;
+    distance = w / (T(1) + a.curvature * std::sqrt(c_r * c_r + c_z * c_z));
+  }
+};
+
 template <int N, bool kRight, class T>
 TOOTHPREP_INLINE void measure(const typename DistanceOutline<T>::Arc& p, const T* r, const T* z,
                               T* squared, int* inside) {
   const typename DistanceOutline<T>::Arc a = p;  // a copy: the outputs can't alias it
   TOOTHPREP_KEEP_LOOP
   for (int i = 0; i < N; ++i) {
-    const T q_r = r[i] - a.mid_r, q_z = z[i] - a.mid_z;
-    const T w = a.curvature * (q_r * q_r + q_z * q_z) + T(2) * (q_r * a.out_r + q_z * a.out_z);
-    const T c_r = r[i] - a.centre_r, c_z = z[i] - a.centre_z;
-    const T off = w / (T(1) + a.curvature * std::sqrt(c_r * c_r + c_z * c_z));
+    const FromCircle<T> from(a, r[i], z[i]);
+    const T off = from.distance;
     const T before = a.from_out_r * (z[i] - a.from_z) - a.from_out_z * (r[i] - a.from_r);
     const T after = (r[i] - a.to_r) * a.to_out_z - (z[i] - a.to_z) * a.to_out_r;
     const int facing = int(before >= T(0)) & int(after >= T(0));
     const T s = facing ? off * off : std::numeric_limits<T>::max();
     squared[i] = s < squared[i] ? s : squared[i];
-    const int far = int(c_r < T(0));
+    const int far = int(from.c_r < T(0));
     const int left = kRight ? far | int(off < T(0)) : far & int(off > T(0));
     inside[i] ^= int(z[i] >= a.z_low) & int(z[i] < a.z_high) & left;
   }
@@ -127,6 +137,109 @@ TOOTHPREP_INLINE void signed_distances(const DistanceOutline<T>& outline, const 
   for (const auto& c : outline.corners) mitre<N, T>(c, r, z, out);
 }
 
+// Of a piece that is nowhere near to the points, the crossing test alone.
+template <int N>
+TOOTHPREP_INLINE void cross(const DistanceOutline<float>::Line& p, const float* r, const float* z,
+                            int* inside) {
+  const DistanceOutline<float>::Line l = p;
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const float off = (r[i] - l.mid_r) * l.u_z - (z[i] - l.mid_z) * l.u_r;
+    inside[i] ^= int(z[i] >= l.z_low) & int(z[i] < l.z_high) & int(off < 0);
+  }
+}
+template <int N, bool kRight>
+TOOTHPREP_INLINE void cross(const DistanceOutline<float>::Arc& p, const float* r, const float* z,
+                            int* inside) {
+  const DistanceOutline<float>::Arc a = p;
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const FromCircle<float> from(a, r[i], z[i]);
+    const int far = int(from.c_r < 0);
+    const int left = kRight ? far | int(from.w < 0) : far & int(from.w > 0);
+    inside[i] ^= int(z[i] >= a.z_low) & int(z[i] < a.z_high) & left;
+  }
+}
+
+// Which pieces matter to the points in a ball: as near to its middle as the nearest of them, but for the
+// ball's diameter, for the distance; at its height, for the sign.
+class NearPieces {
+ public:
+  TOOTHPREP_INLINE NearPieces(const DistanceOutline<float>& outline, const DistanceBall& ball)
+      : ball_(ball), radius_(ball.radius + kBeyondRounding) {
+    float squared = std::numeric_limits<float>::max();
+    int inside = 0;
+    for (const auto& p : outline.lines) measure<1, float>(p, &ball.r, &ball.z, &squared, &inside);
+    for (const auto& p : outline.right_arcs)
+      measure<1, true, float>(p, &ball.r, &ball.z, &squared, &inside);
+    for (const auto& p : outline.left_arcs)
+      measure<1, false, float>(p, &ball.r, &ball.z, &squared, &inside);
+    for (const auto& p : outline.points) measure<1, float>(p, &ball.r, &ball.z, &squared);
+    reach_ = std::sqrt(squared) + 2 * radius_;
+  }
+  TOOTHPREP_INLINE bool may_be_nearest(const DistanceOutline<float>::Line& p) const {
+    float squared = std::numeric_limits<float>::max();
+    int inside = 0;
+    measure<1, float>(p, &ball_.r, &ball_.z, &squared, &inside);
+    return squared <= reach_ * reach_;
+  }
+  // Of an arc, by its circle.
+  TOOTHPREP_INLINE bool may_be_nearest(const DistanceOutline<float>::Arc& p) const {
+    return std::abs(FromCircle<float>(p, ball_.r, ball_.z).distance) <= reach_;
+  }
+  TOOTHPREP_INLINE bool may_be_nearest(const DistanceOutline<float>::Corner& c) const {
+    const float q_r = ball_.r - c.r, q_z = ball_.z - c.z;
+    return q_r * c.from_r + q_z * c.from_z >= -radius_ && q_r * c.to_r + q_z * c.to_z <= radius_;
+  }
+  template <class Piece>
+  TOOTHPREP_INLINE bool may_be_crossed(const Piece& p) const {
+    return p.z_low < p.z_high && p.z_low <= ball_.z + radius_ && p.z_high >= ball_.z - radius_;
+  }
+
+ private:
+  static constexpr float kBeyondRounding = 1e-3f;  // mm
+  const DistanceBall ball_;
+  float radius_, reach_;
+};
+
+// The same for points in a ball: what can't matter to any of them is left out.
+template <int N>
+TOOTHPREP_INLINE void signed_distances_near(const DistanceOutline<float>& outline,
+                                            const DistanceBall& ball, const float* r,
+                                            const float* z, float* out) {
+  const NearPieces near(outline, ball);
+  float squared[N];
+  int inside[N];
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    squared[i] = std::numeric_limits<float>::max();
+    inside[i] = 0;
+  }
+  for (const auto& p : outline.lines)
+    if (near.may_be_nearest(p))
+      measure<N, float>(p, r, z, squared, inside);
+    else if (near.may_be_crossed(p))
+      cross<N>(p, r, z, inside);
+  for (const auto& p : outline.right_arcs)
+    if (near.may_be_nearest(p))
+      measure<N, true, float>(p, r, z, squared, inside);
+    else if (near.may_be_crossed(p))
+      cross<N, true>(p, r, z, inside);
+  for (const auto& p : outline.left_arcs)
+    if (near.may_be_nearest(p))
+      measure<N, false, float>(p, r, z, squared, inside);
+    else if (near.may_be_crossed(p))
+      cross<N, false>(p, r, z, inside);
+  for (const auto& p : outline.points) measure<N, float>(p, r, z, squared);
+  TOOTHPREP_KEEP_LOOP
+  for (int i = 0; i < N; ++i) {
+    const float d = std::sqrt(squared[i]);
+    out[i] = inside[i] ? -d : d;
+  }
+  for (const auto& c : outline.corners)
+    if (near.may_be_nearest(c)) mitre<N, float>(c, r, z, out);
+}
+
 TOOTHPREP_INLINE void distances_by_block(const DistanceOutline<float>& outline, const float* r,
                                          const float* z, float* out, int n) {
   int i = 0;
@@ -143,11 +256,20 @@ void plain(const DistanceOutline<float>& outline, const float* r, const float* z
            int n) {
   distances_by_block(outline, r, z, out, n);
 }
+void plain_near(const DistanceOutline<float>& outline, const DistanceBall& ball, const float* r,
+                const float* z, float* out) {
+  signed_distances_near<kDistanceBlock>(outline, ball, r, z, out);
+}
 
 #if defined(__x86_64__) && defined(__GNUC__)
 __attribute__((target("avx2"))) void with_avx2(const DistanceOutline<float>& outline,
                                                const float* r, const float* z, float* out, int n) {
   distances_by_block(outline, r, z, out, n);
+}
+__attribute__((target("avx2"))) void near_with_avx2(const DistanceOutline<float>& outline,
+                                                    const DistanceBall& ball, const float* r,
+                                                    const float* z, float* out) {
+  signed_distances_near<kDistanceBlock>(outline, ball, r, z, out);
 }
 #endif
 
@@ -161,17 +283,19 @@ bool has_avx2() {
 }
 
 // Chosen when the program is loaded: a tick must neither allocate nor wait for another's choice.
+const DistanceKernel kPlain = {"plain", plain, plain_near};
 #if defined(__x86_64__) && defined(__GNUC__)
-const auto kFastest = has_avx2() ? with_avx2 : plain;
+const DistanceKernel kFastest =
+    has_avx2() ? DistanceKernel{"fastest", with_avx2, near_with_avx2} : kPlain;
 #else
-const auto kFastest = plain;
+const DistanceKernel kFastest = kPlain;
 #endif
 
 }  // namespace
 
 std::vector<DistanceKernel> distance_kernels() {
-  std::vector<DistanceKernel> kernels = {{"plain", plain}};
-  if (has_avx2()) kernels.push_back({"fastest", kFastest});
+  std::vector<DistanceKernel> kernels = {kPlain};
+  if (has_avx2()) kernels.push_back(kFastest);
   return kernels;
 }
 
@@ -182,7 +306,12 @@ double Bur::distance(double r, double z) const noexcept {
 }
 
 void Bur::mitred_distances(const float* r, const float* z, float* out, int n) const noexcept {
-  kFastest(fast_, r, z, out, n);
+  kFastest.run(fast_, r, z, out, n);
+}
+
+void Bur::mitred_distances_near(const DistanceBall& ball, const float* r, const float* z,
+                                float* out) const noexcept {
+  kFastest.run_near(fast_, ball, r, z, out);
 }
 
 }  // namespace toothprep

@@ -12,6 +12,8 @@ struct DistanceKernel {
   const char* name;
   void (*run)(const DistanceOutline<float>& outline, const float* r, const float* z, float* out,
               int n);
+  void (*run_near)(const DistanceOutline<float>& outline, const DistanceBall& ball, const float* r,
+                   const float* z, float* out);
 };
 
 // Those that this processor runs, the fastest last.

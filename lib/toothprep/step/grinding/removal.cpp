@@ -34,8 +34,8 @@ constexpr int kBlocks = kBrickVoxels / kBlockVoxels;
 constexpr float kDistanceRounding = 1e-5f;  // mm, of distances in single precision
 constexpr float kSurface = 0.501f;  // voxels: a voxel that is nearer to a surface is crossed by it
 constexpr float kRoot3 = 1.7320509f;
-constexpr double kHalfBlock =
-    0.5 * (kBlockEdge - 1) * kRoot3;  // voxels, from its middle to a corner
+constexpr float kHalfEdge = 0.5f * (kBlockEdge - 1);  // voxels, from a block's middle to a side
+constexpr double kHalfBlock = 0.5 * (kBlockEdge - 1) * kRoot3;  // and to a corner
 // A sweep is taken for a translation if no point of the head leaves its chord by more than this,
 constexpr double kStraight = 0.05;  // voxels
 // nor goes farther than its ends: what was ground beyond them and left would be ground each time.
@@ -90,6 +90,12 @@ void put_place(const float* to_bur, const Eigen::Vector3f& p, float& r, float& z
   z = at.z();
 }
 
+// Has a brick's values brought near to the processor, to be read soon.
+void bring_near(const float* values) noexcept {
+  constexpr int kLine = 64 / sizeof(float);
+  for (int v = 0; v < kBrickVoxels; v += kLine) __builtin_prefetch(values + v);
+}
+
 // The least value in each block of a brick.
 void least_of_blocks(const float* values, bool uniform, float* low) noexcept {
   if (uniform) {
@@ -99,13 +105,10 @@ void least_of_blocks(const float* values, bool uniform, float* low) noexcept {
   for (int block = 0; block < kBlocks; ++block) {
     const Index3 corner = corner_of_block(block);
     const float* from = values + brick_offset(corner.x(), corner.y(), corner.z());
-    float least[kBlockEdge];
-    std::copy(from, from + kBlockEdge, least);
-    for (int row = 1; row < kBlockRows; ++row) {
-      const float* at = from + row_offset(row);
-      for (int k = 0; k < kBlockEdge; ++k) least[k] = at[k] < least[k] ? at[k] : least[k];
-    }
-    low[block] = *std::min_element(least, least + kBlockEdge);
+    Float4 lowest = load4(from);
+    for (int row = 1; row < kBlockRows; ++row)
+      lowest = least(lowest, load4(from + row_offset(row)));
+    low[block] = least_of(lowest);
   }
 }
 
@@ -339,12 +342,11 @@ void Removal::measure_brick(const Vec3& centre) noexcept {
 
 // from_blocks_: the same for the centres of the brick's blocks, at the sub-poses of `near`.
 void Removal::measure_blocks(const Index3& first, Range near) noexcept {
-  constexpr float kHalf = 0.5f * (kBlockEdge - 1);
   alignas(32) float r[kBlocks], z[kBlocks];
   for (std::size_t i = near.begin; i < near.end; ++i) {
     const SubPose& s = sub_poses_[i];
     const Eigen::Vector3f offset =
-        (first.cast<double>() - s.tip).cast<float>() + Eigen::Vector3f::Constant(kHalf);
+        (first.cast<double>() - s.tip).cast<float>() + Eigen::Vector3f::Constant(kHalfEdge);
     for (int block = 0; block < kBlocks; ++block)
       put_place(s.to_bur, offset + corner_of_block(block).cast<float>(), r[block], z[block]);
     bur_.mitred_distances(r, z, from_blocks_.data() + kBlocks * i, kBlocks);
@@ -366,9 +368,9 @@ void Removal::carve_brick(std::size_t brick) noexcept {
   while (!reaches(past[-1])) --past;
   const Range near{static_cast<std::size_t>(one - begin), static_cast<std::size_t>(past - begin)};
   const bool gone = *std::min_element(begin, end) < -half - band;
-  if (!gone) measure_blocks(first, near);
-
   UnderWay b{cut.brick(brick)};
+  bring_near(b.before);
+  if (!gone) measure_blocks(first, near);
   least_of_blocks(b.before, cut.is_uniform(brick), b.low);
   for (int block = 0; block < kBlocks; ++block) {
     if (b.low[block] >= band) continue;
@@ -428,7 +430,7 @@ FeedSides::Side Removal::side_of_block(std::size_t nearest,
                                        const Eigen::Vector3f& offset) const noexcept {
   const bool first = nearest == 0 && from_carved_, last = nearest + 1 == sub_poses_.size();
   if (!by_sides_ || !(first || last)) return FeedSides::Side::kEither;
-  const Eigen::Vector3f middle = offset + Eigen::Vector3f::Constant(0.5f * (kBlockEdge - 1));
+  const Eigen::Vector3f middle = offset + Eigen::Vector3f::Constant(kHalfEdge);
   const Eigen::Vector3f at = place(sub_poses_[nearest].to_bur, middle);
   const float r = std::sqrt(at.x() * at.x() + at.y() * at.y());
   const FeedSides::Side side = sides_.of(at.x(), at.y(), r, at.z(), motion_);
@@ -473,6 +475,7 @@ void Removal::put_block(int block, const float* deepest, UnderWay& b) noexcept {
 // changed.
 bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset,
                           float* deepest) noexcept {
+  static_assert(kBlockVoxels == kDistanceBlock);
   alignas(32) float r[kBlockVoxels], z[kBlockVoxels], d[kBlockVoxels];
   const float* m = s.to_bur;
   for (int i = 0; i < kBlockEdge; ++i)
@@ -487,7 +490,10 @@ bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset,
         z[row + k] = rz + m[8] * w;
       }
     }
-  bur_.mitred_distances(r, z, d, kBlockVoxels);
+  const auto half = static_cast<float>(kHalfBlock * workpiece_.voxel());
+  DistanceBall ball{0, 0, half + kDistanceRounding};
+  put_place(m, offset + Eigen::Vector3f::Constant(kHalfEdge), ball.r, ball.z);
+  bur_.mitred_distances_near(ball, r, z, d);
   int deeper = 0;
   for (int v = 0; v < kBlockVoxels; ++v) {
     deeper |= -d[v] > deepest[v] ? 1 : 0;
