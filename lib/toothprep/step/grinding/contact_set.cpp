@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "toothprep/step/core/units.h"
 
@@ -24,6 +25,7 @@ ContactSet::ContactSet(std::size_t capacity, const PerTissue<GrindingProperties>
   for (auto* array : {&nx_, &ny_, &nz_, &mx_, &my_, &mz_, &qx_, &qy_, &qz_, &torque_})
     array->resize(by_fours);
   area_.resize(by_fours);
+  advances_.resize(by_fours / 4);
 }
 
 void ContactSet::Sums::add(const Element& e) noexcept {
@@ -48,6 +50,7 @@ void ContactSet::clear() noexcept {
   if (nonlinear_) nonlinear_->clear();
   if (advancing_ > 0) sums_ = {};
   count_ = advancing_ = 0;
+  responded_.reset(), measured_.reset();
 }
 
 void ContactSet::add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept {
@@ -213,22 +216,32 @@ AdvancingSet advancing(const Entries& e, const Eigen::Vector3f& v, const Eigen::
   return {count, places};
 }
 
-// B and b of those that advance, added up in their order, and which these are.
+// The same, a bit for each, by fours. Whether any is another than it was.
 template <bool kTurns>
-void respond(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o,
-             GrindingResponse& r) {
+bool mark_advancing(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o,
+                    std::uint8_t* marks) {
+  int changed = 0;
+  for (int i = 0; i < e.count; i += 4) {
+    Float4 s = load4(e.nx + i) * v.x() + load4(e.ny + i) * v.y() + load4(e.nz + i) * v.z();
+    if constexpr (kTurns)
+      s = s + load4(e.mx + i) * o.x() + load4(e.my + i) * o.y() + load4(e.mz + i) * o.z();
+    const std::uint8_t bits = bits_of((s > e.least) & (Int4{0, 1, 2, 3} + i < e.count));
+    changed |= bits ^ marks[i / 4];
+    marks[i / 4] = bits;
+  }
+  return changed != 0;
+}
+
+// B and b of those that advance, added up in their order, and which these are.
+GrindingResponse respond(const Entries& e, const std::uint8_t* marks) {
   Float4 bx{}, by{}, bz{}, torque{};  // rows of B, and b
   Int4 count{}, places{};
   for (int i = 0; i < e.count; i += 4) {
-    Float4 nx = load4(e.nx + i), ny = load4(e.ny + i), nz = load4(e.nz + i), none{};
-    Float4 s = nx * v.x() + ny * v.y() + nz * v.z();
-    if constexpr (kTurns)
-      s = s + load4(e.mx + i) * o.x() + load4(e.my + i) * o.y() + load4(e.mz + i) * o.z();
-    const Int4 place = Int4{0, 1, 2, 3} + i;
-    const Int4 advances = (s > e.least) & (place < e.count);
-    if (!any(advances)) continue;
+    if (marks[i / 4] == 0) continue;
+    const Int4 advances = lanes_of(marks[i / 4]);
     count -= advances;
-    places += place & advances;
+    places += (Int4{0, 1, 2, 3} + i) & advances;
+    Float4 nx = load4(e.nx + i), ny = load4(e.ny + i), nz = load4(e.nz + i), none{};
     Float4 qx = load4(e.qx + i), qy = load4(e.qy + i), qz = load4(e.qz + i),
            p = load4(e.torque + i);
     qx = advances ? qx : Float4{}, qy = advances ? qy : Float4{};
@@ -239,23 +252,32 @@ void respond(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& 
       bx += qx[k] * n, by += qy[k] * n, bz += qz[k] * n, torque += p[k] * n;
     }
   }
+  GrindingResponse r;
   r.B << bx[0], bx[1], bx[2], by[0], by[1], by[2], bz[0], bz[1], bz[2];
   r.b = Vec3(torque[0], torque[1], torque[2]);
   r.set = {count[0] + count[1] + count[2] + count[3],
            places[0] + places[1] + places[2] + places[3]};
+  return r;
 }
 
 }  // namespace
+
+void ContactSet::note_advancing(const Vec3& v, const Vec3& omega, float least) const noexcept {
+  const Entries e{nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
+                  qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least};
+  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+  const bool changed = omega.squaredNorm() > 0 ? mark_advancing<true>(e, vf, of, advances_.data())
+                                               : mark_advancing<false>(e, vf, of, advances_.data());
+  if (std::exchange(marked_, count_) != count_ || changed) responded_.reset(), measured_.reset();
+}
 
 GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) const noexcept {
   const Entries e{nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
                   qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least_};
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  GrindingResponse r;
-  if (omega.squaredNorm() > 0)
-    respond<true>(e, vf, of, r);
-  else
-    respond<false>(e, vf, of, r);
+  note_advancing(v, omega, least_);
+  if (!responded_) responded_ = respond(e, advances_.data());
+  GrindingResponse r = *responded_;
   if (omega.squaredNorm() > 0) {
     const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
     float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
@@ -290,20 +312,22 @@ AdvancingSet ContactSet::advancing_of_entries(const Vec3& v, const Vec3& omega) 
 PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {
   if (nonlinear_) return nonlinear_->advancing_area(v, omega);
   static_assert(kTissueCount == 4);
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  Float4 sum{};
-  for (int i = 0; i < count_; i += 4) {
-    const Float4 s = load4(&nx_[i]) * vf.x() + load4(&ny_[i]) * vf.y() + load4(&nz_[i]) * vf.z() +
-                     load4(&mx_[i]) * of.x() + load4(&my_[i]) * of.y() + load4(&mz_[i]) * of.z();
-    const Int4 advances = (s > 0) & (Int4{0, 1, 2, 3} + i < count_);
-    if (!any(advances)) continue;
-    for (int k = 0; k < 4; ++k) {
-      const Int4 counts = Int4{} + advances[k];
-      sum += counts ? load4(area_[i + k].data()) : Float4{};
+  note_advancing(v, omega, 0);
+  if (!measured_) {
+    Float4 sum{};
+    for (int i = 0; i < count_; i += 4) {
+      if (advances_[i / 4] == 0) continue;
+      const Int4 advances = lanes_of(advances_[i / 4]);
+      for (int k = 0; k < 4; ++k) {
+        const Int4 counts = Int4{} + advances[k];
+        sum += counts ? load4(area_[i + k].data()) : Float4{};
+      }
     }
+    measured_.emplace();
+    store4(sum, measured_->data());
   }
   PerTissue<double> area{};
-  for (int k = 0; k < kTissueCount; ++k) area[k] = sum[k] + sums_[k].feed[15];
+  for (int k = 0; k < kTissueCount; ++k) area[k] = (*measured_)[k] + sums_[k].feed[15];
   return area;
 }
 

@@ -24,6 +24,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -98,6 +99,7 @@ class ContactSet {
 
  private:
   void put(const Element& element, float tangential, float normal) noexcept;
+  void note_advancing(const Vec3& v, const Vec3& omega, float least) const noexcept;
   AdvancingSet advancing_of_entries(const Vec3& v, const Vec3& omega) const noexcept;
   GrindingResponse linear_response(const Vec3& v, const Vec3& omega) const noexcept;
   void add_sums(const Vec3& omega, GrindingResponse& response) const noexcept;
@@ -110,6 +112,13 @@ class ContactSet {
   // per advance, area per tissue.
   std::vector<float> nx_, ny_, nz_, mx_, my_, mz_, qx_, qy_, qz_, torque_;
   std::vector<PerTissue<float>> area_;
+  // From one velocity to the next the same entries advance, mostly, which is all that B, b and the areas
+  // of these depend on: a bit for each, by fours, that was asked about last, and what was found of them. So
+  // a set is not for several threads, not even to be read.
+  mutable std::vector<std::uint8_t> advances_;
+  mutable int marked_ = 0;  // of so many entries
+  mutable std::optional<GrindingResponse> responded_;
+  mutable std::optional<PerTissue<float>> measured_;
   std::optional<NonlinearContact> nonlinear_;  // then the rest is empty
 };
 

@@ -78,6 +78,18 @@ template <>
 #endif
 }
 
+// The same, a bit per lane; and lanes of such bits.
+[[nodiscard]] inline std::uint8_t bits_of(Int4 a) noexcept {
+#if defined(__SSE2__)
+  return static_cast<std::uint8_t>(_mm_movemask_ps(reinterpret_cast<__m128>(a)));
+#else
+  return static_cast<std::uint8_t>((a[0] & 1) | (a[1] & 2) | (a[2] & 4) | (a[3] & 8));
+#endif
+}
+[[nodiscard]] inline Int4 lanes_of(std::uint8_t bits) noexcept {
+  return (Int4{1, 2, 4, 8} & std::int32_t{bits}) != 0;
+}
+
 [[nodiscard]] inline float least_of(Float4 a) noexcept {
   return least(least(a[0], a[1]), least(a[2], a[3]));
 }
