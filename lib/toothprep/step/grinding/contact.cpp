@@ -42,7 +42,8 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   const std::size_t n = elements_.size();
   // By fours, of which choose() takes them; those beyond the last are never worth a look.
   const std::size_t by_fours = (n + kPieces - 1) / kPieces * kPieces;
-  for (auto* array : {&left_, &slack_, &advance_, &range_}) array->resize(by_fours);
+  for (auto* array : {&left_, &slack_, &advance_, &range_, &looked_x_, &looked_y_, &looked_z_})
+    array->resize(by_fours);
   for (auto* array : {&worth_, &candidates_, &to_look_}) array->resize(by_fours);
   found_.assign(by_fours, Found::kVoid);
   standing_.resize(n);
@@ -170,10 +171,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
-  if (scan.turns)
-    advance_turning(scan);
-  else
-    advance_straight(scan);
+  scan.turns ? advance<true>(scan) : advance<false>(scan);
   const int candidates = choose(scan);
   contact_.clear();
   const int others = add_advancing(scan, candidates);
@@ -216,31 +214,10 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
   sampled_ = true;
 }
 
-// v·n of every element, and half its range over the element, with one velocity for all.
-void ContactModel::advance_straight(const Scan& scan) noexcept {
-  const SurfaceElements& e = elements_;
-  const int n = static_cast<int>(e.size());
-  const float vx = scan.v.x(), vy = scan.v.y(), vz = scan.v.z();
-  const float threshold = -kMarginSine * scan.speed;
-  const float *nx = e.nx.data(), *ny = e.ny.data(), *nz = e.nz.data();
-  const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
-  const float *tx = e.tx.data(), *ty = e.ty.data();
-  const float *turn_around = turn_around_.data(), *turn_along = turn_along_.data();
-  float *advance = advance_.data(), *range = range_.data();
-  std::int32_t* worth = worth_.data();
-#pragma omp simd
-  for (int i = 0; i < n; ++i) {
-    const float s = nx[i] * vx + ny[i] * vy + nz[i] * vz;
-    const float r = std::abs((tx[i] * vx + ty[i] * vy) * turn_around[i]) +
-                    std::abs((lx[i] * vx + ly[i] * vy + lz[i] * vz) * turn_along[i]);
-    advance[i] = s;
-    range[i] = r;
-    worth[i] = s + r > threshold ? 1 : 0;
-  }
-}
-
-// The same with v(s) = v + omega x r(s). What was found along another direction doesn't stand.
-void ContactModel::advance_turning(const Scan& scan) noexcept {
+// v·n of every element, and half its range over the element, with one velocity for all, or with v(s) = v
+// + omega x r(s). Then what was found along another direction doesn't stand.
+template <bool kTurns>
+void ContactModel::advance(const Scan& scan) noexcept {
   const SurfaceElements& e = elements_;
   const int n = static_cast<int>(e.size());
   const float vx = scan.v.x(), vy = scan.v.y(), vz = scan.v.z();
@@ -250,24 +227,26 @@ void ContactModel::advance_turning(const Scan& scan) noexcept {
   const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
   const float *tx = e.tx.data(), *ty = e.ty.data();
   const float *turn_around = turn_around_.data(), *turn_along = turn_along_.data();
-  float *advance = advance_.data(), *range = range_.data();
+  const float *looked_x = looked_x_.data(), *looked_y = looked_y_.data(),
+              *looked_z = looked_z_.data();
+  float *advance = advance_.data(), *range = range_.data(), *left = left_.data();
   std::int32_t* worth = worth_.data();
 #pragma omp simd
   for (int i = 0; i < n; ++i) {
-    const float ux = vx + (oy * z[i] - oz * y[i]), uy = vy + (oz * x[i] - ox * z[i]),
-                uz = vz + (ox * y[i] - oy * x[i]);
+    float ux = vx, uy = vy, uz = vz, speed = scan.speed;
+    if constexpr (kTurns) {
+      ux = vx + (oy * z[i] - oz * y[i]), uy = vy + (oz * x[i] - ox * z[i]),
+      uz = vz + (ox * y[i] - oy * x[i]);
+      speed = std::sqrt(ux * ux + (uy * uy + uz * uz));
+      const float same = looked_x[i] * ux + looked_y[i] * uy + looked_z[i] * uz;
+      left[i] = same >= kSameDirection * speed ? left[i] : -1;
+    }
     const float s = nx[i] * ux + ny[i] * uy + nz[i] * uz;
     const float r = std::abs((tx[i] * ux + ty[i] * uy) * turn_around[i]) +
                     std::abs((lx[i] * ux + ly[i] * uy + lz[i] * uz) * turn_along[i]);
     advance[i] = s;
     range[i] = r;
-    worth[i] = s + r > -kMarginSine * std::sqrt(ux * ux + (uy * uy + uz * uz)) ? 1 : 0;
-  }
-  for (int i = 0; i < n; ++i) {
-    if (left_[i] < 0) continue;
-    const Eigen::Vector3f u = scan.velocity_at(x[i], y[i], z[i]);
-    const Standing& s = standing_[i];
-    if (!(s.ux * u.x() + s.uy * u.y() + s.uz * u.z() >= kSameDirection * u.norm())) left_[i] = -1;
+    worth[i] = s + r > -kMarginSine * speed ? 1 : 0;
   }
 }
 
@@ -406,7 +385,9 @@ double area_in_tissue(const SurfaceElements& elements, const Workpiece& workpiec
 }
 
 AreaInTissue::AreaInTissue(const SurfaceElements& elements)
-    : elements_(elements), stands_(elements.size(), 0) {
+    : elements_(elements),
+      stands_(elements.size(), 0),
+      groups_stand_((elements.size() + kGroup - 1) / kGroup, 0) {
   for (std::size_t i = 0; i < elements.size(); ++i)
     arm_ = std::max(arm_, Vec3(elements.x[i], elements.y[i], elements.z[i]).norm());
 }
@@ -422,13 +403,21 @@ double AreaInTissue::at(const Workpiece& workpiece, const Pose& pose) noexcept {
   const double apart = std::sqrt(3.0) * workpiece.voxel();
   double area = 0;
   all_stand_ = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (!(way_ < stands_[i])) {
-      const double value = value_at(elements_, i, workpiece, f);
-      if (value < 0) area += elements_.area[i];
-      stands_[i] = way_ + kStands * (std::min<double>(value, workpiece.band()) - apart);
+  for (std::size_t group = 0; group < groups_stand_.size(); ++group) {
+    double& stands = groups_stand_[group];
+    if (!(way_ < stands)) {
+      stands = std::numeric_limits<double>::infinity();
+      const std::size_t end = std::min(elements_.size(), (group + 1) * kGroup);
+      for (std::size_t i = group * kGroup; i < end; ++i) {
+        if (!(way_ < stands_[i])) {
+          const double value = value_at(elements_, i, workpiece, f);
+          if (value < 0) area += elements_.area[i];
+          stands_[i] = way_ + kStands * (std::min<double>(value, workpiece.band()) - apart);
+        }
+        stands = std::min(stands, stands_[i]);
+      }
     }
-    all_stand_ = std::min(all_stand_, stands_[i]);
+    all_stand_ = std::min(all_stand_, stands);
   }
   return area;
 }

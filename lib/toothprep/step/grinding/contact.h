@@ -80,11 +80,10 @@ class ContactModel {
     kCrossed  // by a wall, a surface or a border, or possibly so
   };
   struct Standing {
-    bool inside_tooth = false;     // of the tooth's surface, as a whole
-    bool strips = false;           // what crosses it runs along the profile
-    std::uint8_t only = 0;         // the label of the one tissue that it lies in, or 0
-    float share = 0;               // of it in contact, roughly
-    float ux = 0, uy = 0, uz = 0;  // unit, B: the direction that it was looked for in
+    bool inside_tooth = false;  // of the tooth's surface, as a whole
+    bool strips = false;        // what crosses it runs along the profile
+    std::uint8_t only = 0;      // the label of the one tissue that it lies in, or 0
+    float share = 0;            // of it in contact, roughly
     // Of each of its pieces what is covered, its middle, and in which tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
     double holds = 0;  // as of settled_, but for a whole sample
@@ -118,8 +117,8 @@ class ContactModel {
   double way_since(const Scan& scan, const Pose& pose) const noexcept;
   bool holds(const Scan& scan, double way) const noexcept;
   void begin(const Scan& scan, const Pose& pose, double way) noexcept;
-  void advance_straight(const Scan& scan) noexcept;
-  void advance_turning(const Scan& scan) noexcept;
+  template <bool kTurns>
+  void advance(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
   int add_advancing(const Scan& scan, int candidates) noexcept;
   void settle(const Scan& scan, int i) noexcept;
@@ -175,6 +174,7 @@ class ContactModel {
   std::vector<Found> found_;
   std::vector<Standing> standing_;
   std::vector<float> left_;
+  std::vector<float> looked_x_, looked_y_, looked_z_;  // the direction looked in, unit, B
   // By how much farther it is, at least, to what may be met by an element that is in the void, mm.
   std::vector<float> slack_;
   // Until where on the way what was found to be covered of its pieces stands, mm.
@@ -218,8 +218,9 @@ class AreaInTissue {
   double arm_ = 0;  // mm, longest from the tip
   Pose looked_at_;  // last
   double way_ = 0;  // mm, so far
-  // Until where on the way each is in the void for certain, and all of them are.
-  std::vector<double> stands_;
+  // Until where on the way each is in the void for certain, those of a group are, and all of them are.
+  static constexpr std::size_t kGroup = 16;  // elements
+  std::vector<double> stands_, groups_stand_;
   double all_stand_ = 0;
 };
 

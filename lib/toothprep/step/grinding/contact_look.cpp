@@ -86,7 +86,7 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
     standing.inside_tooth = standing.strips = false;
     standing.only = 0;
     standing.share = 0;
-    standing.ux = s.u[p].x(), standing.uy = s.u[p].y(), standing.uz = s.u[p].z();
+    looked_x_[i] = s.u[p].x(), looked_y_[i] = s.u[p].y(), looked_z_[i] = s.u[p].z();
   }
   if (!any(s.remains)) return;
   for (int p = 0; p < count; ++p)
