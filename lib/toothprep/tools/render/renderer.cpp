@@ -249,35 +249,49 @@ struct Renderer::Part {
 
 // One picture: what all its pixels share.
 struct Renderer::Pass {
-  // A direction over the hemisphere, and a number in [0, 1) for its length.
-  struct SkyRay {
-    double across, aside, up;  // along two axes in the surface, and along its normal
+  // A direction about a third axis, and a number in [0, 1) for its length.
+  struct Direction {
+    double across, aside, up;  // along the axes
     double third;
   };
+  static Direction direction(double across, double up, int i) {
+    const double angle = 2 * units::kPi * radical_inverse(i, 2);
+    return {across * std::cos(angle), across * std::sin(angle), up, radical_inverse(i, 3)};
+  }
 
-  // Places in the key light, a disc of 7° around it.
-  struct LampPlace {
-    double radius, share;  // across the disc, and around it
-  };
-
-  static std::vector<LampPlace> lamp_places(int total) {
-    std::vector<LampPlace> places;
-    for (int i = 0; i < total; ++i)
-      places.push_back({0.12 * std::sqrt((i + 0.5) / total), radical_inverse(i, 2)});
+  // To places in the key light, a disc of 7° around it.
+  static std::vector<Direction> lamp_places(int total) {
+    std::vector<Direction> places;
+    for (int i = 0; i < total; ++i) {
+      const double r = 0.12 * std::sqrt((i + 0.5) / total), up = 1 / std::sqrt(1 + r * r);
+      places.push_back(direction(r * up, up, i));
+    }
     return places;
   }
 
-  static std::vector<SkyRay> sky_rays(int total) {
-    std::vector<SkyRay> rays;
-    rays.reserve(static_cast<std::size_t>(total));
+  static std::vector<Direction> sky_rays(int total) {
+    std::vector<Direction> rays;
     for (int i = 0; i < total; ++i) {
-      const double r2 = (i + 0.5) / total, r = std::sqrt(r2);
-      const double angle = 2 * units::kPi * radical_inverse(i, 2);
-      rays.push_back(
-          {r * std::cos(angle), r * std::sin(angle), std::sqrt(1 - r2), radical_inverse(i, 3)});
+      const double r2 = (i + 0.5) / total;
+      rays.push_back(direction(std::sqrt(r2), std::sqrt(1 - r2), i));
     }
     return rays;
   }
+
+  struct Turn {  // of directions
+    explicit Turn(double of_all)
+        : share(of_all),
+          c(std::cos(2 * units::kPi * of_all)),
+          s(std::sin(2 * units::kPi * of_all)) {}
+    double share, c, s;
+  };
+
+  struct Axes {
+    Vec3 u, v, w;
+    // The first two turned about the third.
+    Axes turned(const Turn& t) const { return {t.c * u + t.s * v, t.c * v - t.s * u, w}; }
+    Vec3 along(const Direction& d) const { return d.across * u + d.aside * v + d.up * w; }
+  };
 
   const std::vector<Part>& parts;
   const Camera& camera;
@@ -285,10 +299,11 @@ struct Renderer::Pass {
   double reach;  // of the ambient light, mm
   double lift;   // mm: rays start this far above the surface, so as not to meet it
   std::optional<CutPlane> cut;
-  Vec3 key, fill, sky, key_u, key_v;
-  Vec3 half;                                    // between the key light and the eye
-  std::vector<SkyRay> plain_rays, sample_rays;  // for sky_shares(), for draw_samples()
-  std::vector<LampPlace> corner_lamp, plain_lamp, sample_lamp;  // for light_corners(), draw_plain()
+  Axes key;  // the third points to the light
+  Vec3 fill, sky;
+  Vec3 half;                                       // between the key light and the eye
+  std::vector<Direction> plain_rays, sample_rays;  // for sky_shares(), for draw_samples()
+  std::vector<Direction> corner_lamp, plain_lamp, sample_lamp;  // for light_corners(), draw_plain()
   bool any_ghost;
 
   // The part of a ray behind the cut; `entry`: it begins on the cut, seen from the removed side.
@@ -385,7 +400,7 @@ struct Renderer::Pass {
       return static_cast<float>(std::max(0.0, seen.normal.dot(light)));
     };
     seen.upward = static_cast<float>(seen.normal.dot(sky));
-    seen.to_key = facing(key);
+    seen.to_key = facing(key.w);
     seen.to_fill = facing(fill);
     seen.gloss = seen.on_cut ? 0.f : fiftieth_power(facing(half));
   }
@@ -445,26 +460,17 @@ struct Renderer::Pass {
     std::size_t count_ = 0;
   };
 
-  struct Turn {  // of the directions over the hemisphere
-    explicit Turn(double of_all)
-        : share(of_all),
-          c(std::cos(2 * units::kPi * of_all)),
-          s(std::sin(2 * units::kPi * of_all)) {}
-    double share, c, s;
-  };
-
   // Of the directions over the hemisphere the rays first, first + step, ... to see which of them
   // meet the sky. Directions are cosine-distributed (Hammersley's points), lengths spread so that an
   // obstacle at distance t counts 1 - (t / reach)^2.
-  void add_sky(const Seen& seen, int first, int step, const std::vector<SkyRay>& directions,
+  void add_sky(const Seen& seen, int first, int step, const std::vector<Direction>& directions,
                const Turn& turn, std::size_t group, Rays& rays) const {
-    const Vec3 u = seen.normal.unitOrthogonal(), v = seen.normal.cross(u);
+    const Vec3 u = seen.normal.unitOrthogonal();
+    const Axes axes = Axes{u, seen.normal.cross(u), seen.normal}.turned(turn);
     const Vec3 start = seen.point + lift * seen.face;
-    const Vec3 turned_u = turn.c * u + turn.s * v, turned_v = turn.c * v - turn.s * u;
     for (std::size_t i = first; i < directions.size(); i += step) {
-      const SkyRay& ray = directions[i];
-      const double length = reach * std::sqrt(fraction(ray.third + turn.share));
-      const Vec3 along = ray.across * turned_u + ray.aside * turned_v + ray.up * seen.normal;
+      const double length = reach * std::sqrt(fraction(directions[i].third + turn.share));
+      const Vec3 along = axes.along(directions[i]);
       if (along.dot(seen.face) <= 0)
         rays.add_open(group);
       else
@@ -473,17 +479,16 @@ struct Renderer::Pass {
   }
 
   // Towards a place in the key light; nothing if the surface looks away from it.
-  std::optional<TreeRay> key_ray(const Seen& seen, const LampPlace& place, double turn) const {
-    const double r = place.radius, angle = 2 * units::kPi * (place.share + turn);
-    const Vec3 along =
-        (key + r * std::cos(angle) * key_u + r * std::sin(angle) * key_v).normalized();
+  std::optional<TreeRay> key_ray(const Seen& seen, const Direction& place,
+                                 const Axes& turned_key) const {
+    const Vec3 along = turned_key.along(place);
     if (along.dot(seen.face) <= 0) return std::nullopt;
     return TreeRay{seen.point + lift * seen.face, along, 0, 1e6};
   }
 
-  void add_key(const Seen& seen, const LampPlace& place, double turn, std::size_t group,
+  void add_key(const Seen& seen, const Direction& place, const Axes& turned_key, std::size_t group,
                Rays& rays) const {
-    if (const auto ray = key_ray(seen, place, turn))
+    if (const auto ray = key_ray(seen, place, turned_key))
       rays.add(*ray, group);
     else
       rays.add_blocked(group);
@@ -496,7 +501,10 @@ struct Renderer::Pass {
     SkyLight light;
     for (const float open : shares) {
       // Light thrown to and fro between walls of this colour: a geometric series.
-      bounced += open / (1 - 0.8f * own * (1 - open));
+      if (open == 1)
+        bounced += 1;
+      else
+        bounced += open / (1 - 0.8f * own * (1 - open));
       light.open += open;
     }
     light.bounced = bounced.head<3>() / static_cast<float>(shares.size());
@@ -567,7 +575,7 @@ struct Renderer::Pass {
         tile.light[at] = Tile::kDark;
         // Neighbouring corners take the four parts of the lamp.
         const auto ray = key_ray(seen, corner_lamp[static_cast<std::size_t>((x & 1) + 2 * (y & 1))],
-                                 pixel_noise(x, y));
+                                 key.turned(Turn(pixel_noise(x, y))));
         if (!ray) continue;
         rays[count] = *ray;
         corner[count] = at;
@@ -671,11 +679,11 @@ struct Renderer::Pass {
     const std::optional<bool> all = tile.all_lit(x, y);
     float lit = all.value_or(false) ? 1.f : 0.f;
     if (!all) {
-      const double turn = pixel_noise(tile.left + x, tile.top + y);
+      const Axes turned_key = key.turned(Turn(pixel_noise(tile.left + x, tile.top + y)));
       // Each corner takes every ring and every quarter of the lamp.
       Rays rays(*this);
       for (std::size_t s = 0; s < plain_lamp.size(); ++s)
-        add_key(tile.corners[corners[(s + s / 4) % 4]], plain_lamp[s], turn, 0, rays);
+        add_key(tile.corners[corners[(s + s / 4) % 4]], plain_lamp[s], turned_key, 0, rays);
       rays.shoot();
       lit = rays.groups[0].share();
     }
@@ -689,8 +697,8 @@ struct Renderer::Pass {
   void draw_samples(int x, int y, Image& image) const {
     const std::size_t p = image.pixel(x, y);
     const int n = options.samples, total = n * n;
-    const double turn = pixel_noise(x, y);
-    const Turn turned(turn);
+    const Turn turn(pixel_noise(x, y));
+    const Axes turned_key = key.turned(turn);
     Eigen::Array4f sum = Eigen::Array4f::Zero();
     // Two samples at a time, so that most of their rays go as many together as they can.
     for (int first = 0; first < total; first += 2) {
@@ -705,8 +713,8 @@ struct Renderer::Pass {
         origin[i] = camera.place(x + (across + 0.5) / n, y + (down + 0.5) / n);
         met[i] = look(origin[i], false, seen[i]);
         if (!met[i]) continue;
-        add_sky(seen[i], s, total, sample_rays, turned, 2 * i, rays);
-        add_key(seen[i], sample_lamp[static_cast<std::size_t>(s)], turn, 2 * i + 1, rays);
+        add_sky(seen[i], s, total, sample_rays, turn, 2 * i, rays);
+        add_key(seen[i], sample_lamp[static_cast<std::size_t>(s)], turned_key, 2 * i + 1, rays);
       }
       rays.shoot();
       for (int s = first; s < last; ++s) {
@@ -770,8 +778,6 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
             {},
             {},
             {},
-            {},
-            {},
             Pass::sky_rays(rounded_up(options.ambient_rays, 12)),
             Pass::sky_rays(rounded_up(options.ambient_rays, options.samples * options.samples)),
             Pass::lamp_places(4),
@@ -787,10 +793,10 @@ Image Renderer::render(const Camera& camera, const RenderOptions& options) const
   const auto light = [&](double right, double up, double near) {
     return Vec3(right * camera.right + up * camera.up - near * camera.forward).normalized();
   };
-  pass.key = light(-0.55, 0.70, 0.85);
-  pass.key_u = pass.key.unitOrthogonal();
-  pass.key_v = pass.key.cross(pass.key_u);
-  pass.half = (pass.key - camera.forward).normalized();
+  pass.key.w = light(-0.55, 0.70, 0.85);
+  pass.key.u = pass.key.w.unitOrthogonal();
+  pass.key.v = pass.key.w.cross(pass.key.u);
+  pass.half = (pass.key.w - camera.forward).normalized();
   pass.fill = light(0.85, -0.15, 0.60);
   pass.sky = light(0, 0.8, 0.6);
   Image image = empty_image(camera);
