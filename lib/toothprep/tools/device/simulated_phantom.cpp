@@ -124,7 +124,10 @@ void SimulatedPhantom::advance_axis(int axis, double intended_speed) noexcept {
       if (!(h > 0)) continue;  // by rounding
     }
     const double force = push + stiffness * (p + intended_speed * h / 2 - x);
-    if (std::abs(force) <= friction) continue;  // sticks
+    if (std::abs(force) <= friction) {  // sticks
+      if (intended_speed == 0) break;   // and does so under the same force
+      continue;
+    }
     v = (force - std::copysign(friction, force)) / (mass / h + damping / 2 + stiffness * h / 4);
     x += h * v / 2;
   }
