@@ -2,6 +2,8 @@
 // (n_t - n_n/alpha) dphi dl, dT = u/(2 pi N) (v.n) r dphi dl.
 #include <gtest/gtest.h>
 
+#include <utility>
+
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/grinding/contact_set.h"
 
@@ -20,15 +22,10 @@ PerTissue<GrindingProperties> tissues() {
 
 // Faces +x at radius 0.5, so that n_t = +y.
 ContactSet::Element facing_x() { return {1, 0, 0, 0, 0, 0, 0, 1, 0.2f, 0.5f, 0.1f}; }
-PerTissue<float> all_in(Tissue tissue) {
-  PerTissue<float> share{};
-  share[static_cast<int>(tissue) - 1] = 1;
-  return share;
-}
 
 TEST(ContactSet, OneElementFollowsTheLaw) {
   ContactSet set(4, tissues(), false);
-  set.add(facing_x(), all_in(Tissue::kEnamel));
+  set.add(facing_x(), tissue_index(Tissue::kEnamel), 1);
   const Vec3 v(2, 0, 0);
   const GrindingResponse r = set.response(v, Vec3::Zero(), 1);
   const double per_advance = 300 / (2 * units::kPi) * 0.2;
@@ -44,8 +41,8 @@ TEST(ContactSet, OneElementFollowsTheLaw) {
 TEST(ContactSet, AnElementThatRetreatsCountsForNothingUnlessTrailingIsAsked) {
   const Vec3 back(-2, 0, 0);
   ContactSet set(4, tissues(), false), literal(4, tissues(), true);
-  set.add(facing_x(), all_in(Tissue::kEnamel));
-  literal.add(facing_x(), all_in(Tissue::kEnamel));
+  set.add(facing_x(), tissue_index(Tissue::kEnamel), 1);
+  literal.add(facing_x(), tissue_index(Tissue::kEnamel), 1);
   EXPECT_EQ(set.response(back, Vec3::Zero(), 1).B.norm(), 0);
   EXPECT_FALSE(set.any_advances(back, Vec3::Zero()));
   EXPECT_TRUE(set.any_advances(-back, Vec3::Zero()));
@@ -56,12 +53,10 @@ TEST(ContactSet, AnElementThatRetreatsCountsForNothingUnlessTrailingIsAsked) {
   EXPECT_LT((pulled + pushed).norm(), 1e3 * kFloat);
 }
 
-TEST(ContactSet, TissuesShareAnElementByTheirPartOfIt) {
+TEST(ContactSet, EachTissueOfAnElementCountsByItsPart) {
   ContactSet set(4, tissues(), false);
-  PerTissue<float> share{};
-  share[0] = 0.25f;
-  share[1] = 0.5f;  // a quarter is air
-  set.add(facing_x(), share);
+  set.add(facing_x(), 0, 0.25f);
+  set.add(facing_x(), 1, 0.5f);  // a quarter is air
   const Vec3 v(1, 0, 0);
   const double weight = 0.2 / (2 * units::kPi);
   const Vec3 force = set.response(v, Vec3::Zero(), 1).B * v;
@@ -77,7 +72,7 @@ TEST(ContactSet, ATurnAddsTheVelocityOfTheElementsPlace) {
   const Vec3 m = Vec3(0.5, 0, 2).cross(Vec3(1, 0, 0));
   e.mx = static_cast<float>(m.x()), e.my = static_cast<float>(m.y()),
   e.mz = static_cast<float>(m.z());
-  set.add(e, all_in(Tissue::kEnamel));
+  set.add(e, tissue_index(Tissue::kEnamel), 1);
   const Vec3 omega(0, 0.3, 0);
   const GrindingResponse turning = set.response(Vec3::Zero(), omega, 1);
   const GrindingResponse moving = set.response(Vec3(0.6, 0, 0), Vec3::Zero(), 1);
@@ -90,7 +85,7 @@ TEST(ContactSet, TheSetOfAVelocityTellsWhichElementsAdvance) {
   for (const double angle : {0.0, 1.0, 2.0, 3.0}) {
     ContactSet::Element e = facing_x();
     e.nx = static_cast<float>(std::cos(angle)), e.ny = static_cast<float>(std::sin(angle));
-    set.add(e, all_in(Tissue::kDentin));
+    set.add(e, tissue_index(Tissue::kDentin), 1);
   }
   EXPECT_EQ(set.advancing_set(Vec3(1, 0, 0), Vec3::Zero()).count, 2);   // cos > 0: 0 and 1
   EXPECT_EQ(set.advancing_set(Vec3(-1, 0, 0), Vec3::Zero()).count, 2);  // 2 and 3
@@ -105,9 +100,9 @@ TEST(ContactSet, TheBasisAddsUpToTheForce) {
   PerTissue<GrindingProperties> ones{};
   for (auto& t : ones) t = {1, 1};
   ContactSet basis(4, ones, false), set(4, tissues(), false);
-  PerTissue<float> share{};
-  share[0] = 0.3f, share[1] = 0.7f;
-  for (ContactSet* s : {&basis, &set}) s->add(facing_x(), share);
+  for (ContactSet* s : {&basis, &set})
+    for (const auto& [tissue, share] : {std::pair(0, 0.3f), {1, 0.7f}})
+      s->add(facing_x(), tissue, share);
   const Vec3 v(1.5, 0.2, 0);
   const PerTissue<TissueBasis> b = basis.basis(v, Vec3::Zero());
   const auto t = tissues();

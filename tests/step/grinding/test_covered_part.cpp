@@ -57,7 +57,7 @@ TEST(CoveredPart, ShareAndMiddleUnderTwoLinesAreThoseOfWhatLiesUnderBoth) {
         if (first.at(u, v) < 0 && second.at(u, v) < 0)
           share += 1, x += static_cast<double>(u), y += static_cast<double>(v);
       }
-    const CoveredPart<float> part = covered_by_both(first, second);
+    const CoveredPart<float> part = covered_by_all({first, second});
     EXPECT_NEAR(part.share, share / kLines / kLines, 3.0 / kLines) << trial;
     if (share < 0.03 * kLines * kLines) continue;
     EXPECT_NEAR(part.x, x / share, 0.02) << trial;
@@ -67,10 +67,10 @@ TEST(CoveredPart, ShareAndMiddleUnderTwoLinesAreThoseOfWhatLiesUnderBoth) {
 
 TEST(CoveredPart, UnderALineThatLeavesNothingOrEverythingItIsNothingOrWhatTheOtherLeaves) {
   const DividingLine none{1, 0, 0}, all{-1, 0, 0}, half{0, 1, 0};
-  EXPECT_EQ(covered_by_both(none, half).share, 0);
-  EXPECT_EQ(covered_by_both(half, none).share, 0);
-  EXPECT_NEAR(covered_by_both(all, half).share, 0.5, 1e-6);
-  EXPECT_NEAR(covered_by_both(half, all).x, -0.5, 1e-6);
+  EXPECT_EQ(covered_by_all({none, half}).share, 0);
+  EXPECT_EQ(covered_by_all({half, none}).share, 0);
+  EXPECT_NEAR(covered_by_all({all, half}).share, 0.5, 1e-6);
+  EXPECT_NEAR(covered_by_all({half, all}).x, -0.5, 1e-6);
 }
 
 TEST(CoveredPart, AFieldWithoutRangeCoversAllOrNothing) {

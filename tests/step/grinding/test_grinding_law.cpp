@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "toothprep/step/core/units.h"
 #include "toothprep/step/grinding/contact_set.h"
@@ -96,10 +97,11 @@ TEST(NonlinearContact, WithThePapersLawIsTheLinearContact) {
   ContactSet linear(200, law, false);
   NonlinearContact other(200, law);
   for (int i = 0; i < 150; ++i) {
-    PerTissue<float> share{};
-    share[0] = 0.7f, share[1] = i % 3 == 0 ? 0.3f : 0;
-    linear.add(element(i), share);
-    for (int k = 0; k < 2; ++k) other.add(element(i), k, share[k]);
+    for (const auto& [tissue, share] : {std::pair(0, 0.7f), {1, 0.3f}}) {
+      if (tissue == 1 && i % 3 != 0) continue;
+      linear.add(element(i), tissue, share);
+      other.add(element(i), tissue, share);
+    }
   }
   const Vec3 v(0.3, -0.8, 0.2), omega(0.1, 0.4, -0.3);
   const GrindingResponse a = linear.response(v, omega, 123);

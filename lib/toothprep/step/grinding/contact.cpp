@@ -35,7 +35,7 @@ float sag_of(const SurfaceElements& e, std::size_t i) {
 ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
                            const PerTissue<GrindingProperties>& tissue)
     : elements_(bur.elements(kPiecesAcross * piece_size, clockwise)),
-      contact_(kPieces * elements_.size(), tissue, false),
+      contact_(kPieces * kTissueCount * elements_.size(), tissue, false),
       look_ahead_(kLookAhead * kPiecesAcross * piece_size),
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {

@@ -20,7 +20,7 @@
 //
 // Where two walls meet within a piece, the value in its middle doesn't tell where it is divided; it is looked
 // at where the border should be. Where the cut and the tooth's own surface cross the same piece, what lies
-// under both counts.
+// under both counts. Where the border of two tissues does, each of them counts by its own part.
 //
 // From step to step little changes. What was found of an element as a whole is kept until the bur
 // has moved by half of the distance at which it could be different, or a cut was put in place. Straight
@@ -34,6 +34,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/step/grinding/contact_set.h"
+#include "toothprep/step/grinding/covered_part.h"
 #include "toothprep/step/grinding/kept_cells.h"
 #include "toothprep/step/grinding/workpiece.h"
 
@@ -84,11 +85,11 @@ class ContactModel {
     bool strips = false;        // what crosses it runs along the profile
     std::uint8_t only = 0;      // the label of the one tissue that it lies in, or 0
     float share = 0;            // of it in contact, roughly
-    // Of each of its pieces what is covered, its middle, and in which tissue; see settled_.
+    // Of each of its pieces what is covered, its middle, and the same of each tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
     double holds = 0;  // as of settled_, but for a whole sample
-    int tissue = -1;   // of all of them, or -1: as they share them
-    Float4 of_tissue[kTissueCount] = {};
+    int tissue = -1;   // of all of them, or -1: as of_tissue has it
+    CoveredPart<Float4> of_tissue[kTissueCount] = {};
   };
   // One sample under way.
   struct Scan;
@@ -125,6 +126,7 @@ class ContactModel {
   void look(const Scan& scan, const std::int32_t* elements, int count) noexcept;
   void locate(const Scan& scan, Look& look) noexcept;
   bool floor_at_edge(const Scan& scan, int lane, const Look& look) const noexcept;
+  bool corner_in_void(const Scan& scan, int lane, const Look& look) const noexcept;
   void look_farther(const Scan& scan, Look& look) noexcept;
   void look_for_tissue(const Scan& scan, int lane, Look& look) noexcept;
   void note_found(const Scan& scan, int lane, const Look& look) noexcept;
@@ -145,17 +147,14 @@ class ContactModel {
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void cover_tooth(const Scan& scan, int i, const PieceAxes& axes, const Pieces& pieces, int first,
-                   Lanes& lanes) noexcept;
-  static void cover_both(const Int4& where, const Borders& surface, Lanes& lanes) noexcept;
-  void share_tissues(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
-                     const Int4& counts, const Int4& only, KeptTissues& kept,
-                     Lanes& lanes) const noexcept;
-  ContactSet::FourElements middles(const Pieces& pieces, int first,
-                                   const Lanes& lanes) const noexcept;
-  PerTissue<float> shares_of(const Scan& scan, const Pieces& pieces, int first, int piece,
-                             const Lanes& lanes) const noexcept;
-  void add_covered(const ContactSet::FourElements& pieces, const Lanes& lanes) noexcept;
+  void cover_tooth(const Scan& scan, int i, const PieceAxes& axes, Lanes& lanes) noexcept;
+  static void cover_both(const Int4& where, Lanes& lanes) noexcept;
+  static void share_tissues(const Scan& scan, const PieceAxes& axes, const Int4& counts,
+                            const Int4& only, KeptTissues& kept, Lanes& lanes) noexcept;
+  static ContactSet::FourElements middles(const Pieces& pieces, int first,
+                                          const CoveredPart<Float4>& part,
+                                          const Lanes& lanes) noexcept;
+  void add_covered(const Pieces& pieces, int first, const Lanes& lanes) noexcept;
 
   SurfaceElements elements_;
   ContactSet contact_;

@@ -68,10 +68,6 @@ struct ContactModel::IndexFrame {
     return {s.value, a[0] * s.gx + a[3] * s.gy + a[6] * s.gz,
             a[1] * s.gx + a[4] * s.gy + a[7] * s.gz, a[2] * s.gx + a[5] * s.gy + a[8] * s.gz};
   }
-  Eigen::Vector3f gradient(const FieldSample& s) const {
-    return {a[0] * s.gx + a[3] * s.gy + a[6] * s.gz, a[1] * s.gx + a[4] * s.gy + a[7] * s.gz,
-            a[2] * s.gx + a[5] * s.gy + a[8] * s.gz};
-  }
 };
 
 struct ContactModel::Scan {
@@ -117,15 +113,11 @@ struct FourPlaces {
   }
 };
 
-// A field's value at the surface from the sample that lies `ahead` (voxels) of it.
-inline float at_surface(const FieldSample& s, const Eigen::Vector3f& ahead) {
-  return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
-}
-
 inline Float4 along4(const FourSamples& s, const Eigen::Vector3f& way) {
   return s.gx * way.x() + s.gy * way.y() + s.gz * way.z();
 }
 
+// A field's value at the surface from the sample that lies `ahead` (voxels) of it.
 inline Float4 at_surface4(const FourSamples& s, const Eigen::Vector3f& ahead) {
   return s.value - s.gx * ahead.x() - s.gy * ahead.y() - s.gz * ahead.z();
 }
@@ -141,12 +133,15 @@ inline float share_inside(float value, float extent) {
 struct ContactModel::Borders {
   Float4 value, along, around;
 
+  // All of a piece is tissue.
+  static Borders none() { return {all4(-1), Float4{}, Float4{}}; }
   CoveredPart<Float4> part() const { return covered_part<Float4>(value, along, around); }
   void replace(const Int4& where, const Borders& by) {
     value = where ? by.value : value;
     along = where ? by.along : along;
     around = where ? by.around : around;
   }
+  DividingLine line(int p) const { return {value[p], along[p], around[p]}; }
 };
 
 // Of four pieces, in voxels.
@@ -164,19 +159,19 @@ struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
   float curvature_along, curvature_around;
-  float edge;           // as of edge_
-  Int4 at_edge;         // -1: the piece lies at that edge
-  Float4 ux, uy, uz;    // velocity, mm/s, B
-  Float4 advance;       // v·n, mm/s
-  Float4 ix, iy, iz;    // index of the sample, from the tip's voxel
-  Float4 fx, fy, fz;    // its place in its cell
-  KeptCells* cells;     // these
-  Int4 live;            // -1: may be in contact, 0: not
-  Float4 share, x, y;   // as of CoveredPart
-  Borders cut;          // that these are of, where the cut crosses the pieces
-  Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
-  int tissue;           // that all of them lie in, or -1: as they share them
-  Float4 of_tissue[kTissueCount];
+  float edge;            // as of edge_
+  Int4 at_edge;          // -1: the piece lies at that edge
+  Float4 ux, uy, uz;     // velocity, mm/s, B
+  Float4 advance;        // v·n, mm/s
+  Float4 ix, iy, iz;     // index of the sample, from the tip's voxel
+  Float4 fx, fy, fz;     // its place in its cell
+  KeptCells* cells;      // these
+  Int4 live;             // -1: may be in contact, 0: not
+  Float4 share, x, y;    // as of CoveredPart
+  Borders cut, surface;  // what crosses the pieces: the cut, and the tooth's own surface
+  Float4 stays, holds;   // mm of way: until a share may have changed by kStays, and by kHolds
+  int tissue;            // that all of them lie in, or -1: as of_tissue has it
+  CoveredPart<Float4> of_tissue[kTissueCount];
 
   void cover(const Int4& where, const CoveredPart<Float4>& part) {
     share = where ? part.share : share;

@@ -16,6 +16,8 @@ constexpr float kSlack = 1.1f;
 constexpr float kAlongWall = 0.1f;
 // Beyond the rim of what advances less than this (sine) lies the wall ahead, not a floor.
 constexpr float kAdvancesLittle = 0.02f;
+// So far within a cut (voxels) a corner is in the void, whatever the lattice rounds.
+constexpr float kCornerInVoid = 0.05f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
@@ -197,6 +199,26 @@ void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
   s.clear = hidden ? clear : s.clear;
 }
 
+// Whether a corner of one of them lies in a cut that its middle doesn't tell of: there the bur's own print is nearer.
+bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const noexcept {
+  if (-s.value[p] >= s.corner[p]) return false;
+  const IndexFrame& f = scan.frame;
+  const int i = s.elements[p];
+  const SurfaceElements& e = elements_;
+  const Eigen::Vector3f along = e.half_along[i] * f.turned(e.lx[i], e.ly[i], e.lz[i]),
+                        around = e.half_around[i] * f.turned(e.tx[i], e.ty[i], 0),
+                        down = s.sag[p] * f.turned(e.nx[i], e.ny[i], e.nz[i]);
+  const Float4 up{1, 1, -1, -1}, aside{1, -1, 1, -1};
+  const FourPlaces at(s.at_x[p] - down.x() + up * along.x() + aside * around.x(),
+                      s.at_y[p] - down.y() + up * along.y() + aside * around.y(),
+                      s.at_z[p] - down.z() + up * along.z() + aside * around.z());
+  FourCells cells;
+  cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
+             Int4{-1, -1, -1, -1});
+  return any(cells.at(at.fx, at.fy, at.fz).value >
+             kCornerInVoid * static_cast<float>(scan.workpiece.voxel()));
+}
+
 void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   const int i = s.elements[p];
   const auto voxel = static_cast<float>(scan.workpiece.voxel());
@@ -214,7 +236,7 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   const float wall_stands_out =
       kWallAtMost * voxel * voxel * (elements_.curvature_along[i] + elements_.curvature_around[i]);
   if (standing.only != 0 && standing.inside_tooth && value <= -extent - wall_stands_out &&
-      clear >= 0) {
+      clear >= 0 && !corner_in_void(scan, p, s)) {
     found_[i] = Found::kInside;
     left = std::min(left / kCrossedStanding * kMostStanding, kStands * clear);
   }

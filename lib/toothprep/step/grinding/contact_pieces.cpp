@@ -92,7 +92,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
-  add_covered(middles(pieces, first, lanes), lanes);
+  add_covered(pieces, first, lanes);
 }
 
 // What is covered of the pieces, and in which tissue.
@@ -100,10 +100,11 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
                                 bool simple, Lanes& s) noexcept {
   s.cells = &near_[i];
   s.stays = s.holds = all4(kUnbounded);
+  s.cut = s.surface = Borders::none();
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
   if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);
-  if (!simple) cover_tooth(scan, i, axes, pieces, first, s);
+  if (!simple) cover_tooth(scan, i, axes, s);
 
   Standing& standing = standing_[i];
   store4(s.share, standing.covered.data());
@@ -129,18 +130,18 @@ void ContactModel::take_settled(const Standing& standing, Lanes& s) noexcept {
 }
 
 // Puts what is covered into the contact, tissue by tissue.
-void ContactModel::add_covered(const ContactSet::FourElements& e, const Lanes& s) noexcept {
+void ContactModel::add_covered(const Pieces& pieces, int first, const Lanes& s) noexcept {
+  const CoveredPart<Float4> all{s.share, s.x, s.y};
   if (s.tissue >= 0) {
-    contact_.add_four(e, s.tissue, s.share, kLeastShare);
+    contact_.add_four(middles(pieces, first, all, s), s.tissue, s.share, kLeastShare);
     return;
   }
-  for (int p = 0; p < kPieces; ++p) {
-    if (!(s.share[p] > kLeastShare)) continue;
-    PerTissue<float> share;
-    for (int k = 0; k < kTissueCount; ++k) share[k] = s.of_tissue[k][p] * s.share[p];
-    contact_.add({e.nx[p], e.ny[p], e.nz[p], e.mx[p], e.my[p], e.mz[p], e.tx[p], e.ty[p],
-                  e.weight[p], e.arm[p], e.weight[p] * e.arm[p]},
-                 share);
+  const Int4 counts = s.share > kLeastShare;
+  for (int k = 0; k < kTissueCount; ++k) {
+    const CoveredPart<Float4>& part = s.of_tissue[k];
+    const Float4 share = counts ? part.share : Float4{};
+    if (any(share > kLeastShare))
+      contact_.add_four(middles(pieces, first, part, s), k, share, kLeastShare);
   }
 }
 
@@ -372,23 +373,30 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
       covered_part<Float4>(-s.advance, -turn_along * (s.ux * lx + s.uy * ly + s.uz * lz),
                            -turn_around * (s.ux * tx + s.uy * ty));
   const Int4 partly = (part.share > kLeastShare) & (part.share < 1 - kLeastShare);
-  const Int4 less = partly & (part.share < s.share);
-  s.x = less ? part.x : s.x;
-  s.y = less ? part.y : s.y;
-  s.share = partly ? s.share * part.share : s.share;
+  const auto take = [&](Float4& share, Float4& x, Float4& y) {
+    const Int4 less = partly & (part.share < share);
+    x = less ? part.x : x;
+    y = less ? part.y : y;
+    share = partly ? share * part.share : share;
+  };
+  take(s.share, s.x, s.y);
+  if (s.tissue >= 0) return;
+  for (auto& of : s.of_tissue) take(of.share, of.x, of.y);
 }
 
 // The middle of what is covered of each piece, with the mean normal there; and the arm that makes the mean
 // torque of it.
 ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
-                                               const Lanes& s) const noexcept {
+                                               const CoveredPart<Float4>& part,
+                                               const Lanes& s) noexcept {
   const Float4 nx = load4(&pieces.nx[first]), ny = load4(&pieces.ny[first]),
                nz = load4(&pieces.nz[first]), tx = load4(&pieces.tx[first]),
                ty = load4(&pieces.ty[first]), lx = load4(&pieces.lx[first]),
                ly = load4(&pieces.ly[first]), lz = load4(&pieces.lz[first]);
   const Float4 px = load4(&pieces.x[first]), py = load4(&pieces.y[first]),
                pz = load4(&pieces.z[first]), radius = load4(&pieces.arm[first]);
-  const Float4 da = pieces.half_along[first] * s.x, dt = pieces.half_around[first] * s.y;
+  const float half_around = pieces.half_around[first];
+  const Float4 da = pieces.half_along[first] * part.x, dt = half_around * part.y;
   const Float4 turn_l = s.curvature_along * da, turn_t = s.curvature_around * dt;
   const Float4 round = dt / radius / radius, lr = (lx * px + ly * py) / radius;
   ContactSet::FourElements e;
@@ -400,8 +408,8 @@ ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
   const Float4 x = px + da * lx + dt * tx, y = py + da * ly + dt * ty, z = pz + da * lz;
   e.arm = radius + da * lr;
   // Half the variance of the places around and along the profile, about the middle of the piece.
-  const Float4 wide = pieces.half_around[first] * (1 - magnitude(s.y)),
-               high = pieces.half_along[first] * (1 - magnitude(s.x));
+  const Float4 wide = half_around * (1 - magnitude(part.y)),
+               high = pieces.half_along[first] * (1 - magnitude(part.x));
   const Float4 spread_around = 0.5f * (dt * dt + kVariance * wide * wide),
                spread_along = 0.5f * (da * da + kVariance * high * high);
   if (s.curvature_along != 0) {

@@ -128,21 +128,6 @@ void ContactSet::put(const Element& e, float t, float m) noexcept {
   torque_[n] = t * e.arm;
 }
 
-void ContactSet::add(const Element& e, const PerTissue<float>& share) noexcept {
-  if (nonlinear_) {
-    for (int k = 0; k < kTissueCount; ++k)
-      if (share[k] > 0) nonlinear_->add(e, k, share[k]);
-    return;
-  }
-  float t = 0, m = 0;
-  for (int k = 0; k < kTissueCount; ++k) {
-    t += share[k] * ct_[k];
-    m += share[k] * cn_[k];
-    area_[count_][k] = share[k] * e.area;
-  }
-  put(e, t, m);
-}
-
 void ContactSet::add(const Element& e, int tissue, float share) noexcept {
   if (nonlinear_) return nonlinear_->add(e, tissue, share);
   area_[count_] = {};

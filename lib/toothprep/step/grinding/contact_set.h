@@ -61,9 +61,7 @@ class ContactSet {
   const NonlinearContact& nonlinear() const { return *nonlinear_; }
 
   void clear() noexcept;
-  // Adds an element of which `share` lies in each tissue (0 .. 1). Never beyond the capacity.
-  void add(const Element& element, const PerTissue<float>& share) noexcept;
-  // The same of an element that lies in one tissue only (its index).
+  // Adds an element of which `share` (0 .. 1) lies in a tissue (its index). Never beyond the capacity.
   void add(const Element& element, int tissue, float share) noexcept;
   // Four elements of one tissue at a time, those whose share is above `least_share`, in order; as by
   // add().

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <initializer_list>
 
 #include "toothprep/step/grinding/four_lanes.h"
 
@@ -54,24 +55,24 @@ struct DividingLine {
   [[nodiscard]] float at(float x, float y) const noexcept { return c + a * x + b * y; }
 };
 
-// The part of the rectangle on the negative side of both lines. It is cut out as a polygon: by the shares of
+// The part of the rectangle on the negative side of several lines. It is cut out as a polygon: by the shares of
 // each line alone it isn't known whether they leave out the same or each something else.
-[[nodiscard]] inline CoveredPart<float> covered_by_both(const DividingLine& first,
-                                                        const DividingLine& second) noexcept {
+[[nodiscard]] inline CoveredPart<float> covered_by_all(
+    std::initializer_list<DividingLine> lines) noexcept {
   struct Point {
     float x, y;
   };
-  constexpr int kMost =
-      10;  // the first leaves five corners; by rounding alone each could become two
+  constexpr int kMost = 16;  // a line adds one corner; by rounding alone each could become two
   constexpr float kLeastArea = 1e-6f;
   Point polygon[kMost] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
   int count = 4;
-  for (const DividingLine* line : {&first, &second}) {
+  for (const DividingLine& line : lines) {
     Point rest[kMost];
     int left = 0;
     for (int i = 0; i < count; ++i) {
       const Point p = polygon[i], q = polygon[i + 1 < count ? i + 1 : 0];
-      const float at_p = line->at(p.x, p.y), at_q = line->at(q.x, q.y);
+      const float at_p = line.at(p.x, p.y), at_q = line.at(q.x, q.y);
+      if (left + 2 > kMost) break;
       if (at_p < 0) rest[left++] = p;
       if ((at_p < 0) == (at_q < 0)) continue;
       const float way = at_p / (at_p - at_q);

@@ -3,6 +3,7 @@
 // bit for bit what reading them again would find. Internal to contact*.cpp.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "toothprep/step/grinding/four_lanes.h"
@@ -115,17 +116,17 @@ struct KeptTissues {
   }
 
  private:
-  // Whether all corners of a cell are of tissues with level sets, and not all of the brick's alike.
+  // Whether corners of a cell are of tissues, all of them with level sets, and not all of the brick's alike.
   static bool of_fields(const LabelGrid& labels, int i, int j, int k) noexcept {
     const std::int64_t brick = labels.brick_index(i, j, k);
     if (brick >= 0 && labels.is_uniform(static_cast<std::size_t>(brick)) && (i & 7) < 7 &&
         (j & 7) < 7 && (k & 7) < 7)
       return false;
-    for (int n = 0; n < 8; ++n) {
-      const std::uint8_t label = labels.value(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1));
-      if (label == 0 || label == static_cast<std::uint8_t>(Tissue::kOther)) return false;
-    }
-    return true;
+    std::uint8_t largest = 0;
+    for (int n = 0; n < 8; ++n)
+      largest = std::max(largest, labels.value(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1)));
+    static_assert(kFields + 1 == static_cast<int>(Tissue::kOther));
+    return largest != 0 && largest < static_cast<std::uint8_t>(Tissue::kOther);
   }
 };
 
