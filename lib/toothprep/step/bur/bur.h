@@ -62,6 +62,7 @@ struct DistanceOutline {
 struct DistanceBall {
   float r, z, radius;  // mm
 };
+// The most of them.
 constexpr int kDistanceBlock = 64;
 
 class Bur {  // immutable; lengths in mm, frame B; may be read from several threads

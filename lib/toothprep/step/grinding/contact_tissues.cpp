@@ -97,8 +97,9 @@ void ContactModel::share_tissues(const Scan& scan, const PieceAxes& axes, const 
       const Float4 value = straightened(at_surface4(field, s.ahead), along, around,
                                         axes.bent_along(g), axes.bent_around(g));
       borders[k] = {value, along, around};
-      s.of_tissue[k] = borders[k].part();
-      met += s.of_tissue[k].share > 0;
+      CoveredPart<Float4>& part = s.of_tissue[k] = borders[k].part();
+      part.share = part.share > kLeastShare ? part.share : Float4{};
+      met += part.share > 0;
       s.note_crossing(wanted, value, along, around, along4(field, s.unit));
     }
     known = wanted & kept.by_fields & (met < 0);
