@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -187,6 +188,23 @@ void check_near(const Options& o, const std::vector<HandleSample>& path,
   warn(text);
 }
 
+// Both at the same time, each to its end: where one throws, the other's own loops would be cancelled, and what
+// they should have filled would be used empty.
+template <class First, class Second>
+void run_both(const First& first, const Second& second) {
+  std::exception_ptr failed[2];
+  const auto attempt = [](const auto& work, std::exception_ptr& error) {
+    try {
+      work();
+    } catch (...) {
+      error = std::current_exception();
+    }
+  };
+  tbb::parallel_invoke([&] { attempt(first, failed[0]); }, [&] { attempt(second, failed[1]); });
+  for (const std::exception_ptr& error : failed)
+    if (error) std::rethrow_exception(error);
+}
+
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory, o.placing.from,
@@ -256,7 +274,7 @@ void run(const Options& o, const Common& common) {
   trace.rows = std::move(r.rows);
   trace.audit = {r.totals.torque_work, r.removed_energy, r.energy_ratio};
   for (const double v : r.totals.initial_overlap) trace.initial_overlap_mm3 += v;
-  tbb::parallel_invoke(
+  run_both(
       [&] {
         if (o.trace_every > 1)
           write_trace(every_nth_row(trace, o.trace_every), output);
