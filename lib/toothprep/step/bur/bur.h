@@ -58,11 +58,11 @@ struct DistanceOutline {
   std::vector<Corner> corners;             // to be mitred
 };
 
-// Where points lie that are asked for together, and how many they are.
+// Where points lie that are asked for together.
 struct DistanceBall {
   float r, z, radius;  // mm
 };
-// The most of them.
+// How many these are.
 constexpr int kDistanceBlock = 64;
 
 class Bur {  // immutable; lengths in mm, frame B; may be read from several threads
