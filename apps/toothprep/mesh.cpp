@@ -61,8 +61,7 @@ std::string make_fewer(SharpSurface& surface, double max_error_mm) {
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.tooth});
-  const std::string output =
-      outputs.file(o.output, {".ply", ".stl", ".obj", ".vtk", ".glb", ".3mf"});
+  const std::string output = outputs.file(o.output, kSurfaceExtensions);
   if (!o.lines.empty() && o.tissue != "all")
     throw Error("--lines are those of the whole surface; leave --tissue out");
   const std::string lines = o.lines.empty() ? "" : outputs.file(o.lines, {".obj"});
@@ -76,7 +75,7 @@ void run(const Options& o, const Common& common) {
                      o.tissue == "all" ? "" : "choose another --tissue");
   std::string fewer;
   if (o.max_error_mm) fewer = make_fewer(surface, *o.max_error_mm);
-  is_model_name(output) ? write_model(mesh, output) : write_mesh(mesh, output);
+  write_surface(mesh, output);
   if (!lines.empty()) write_lines(mesh, lines_of(surface), lines);
   outputs.publish();
   say(common,

@@ -33,6 +33,8 @@
 #include "toothprep/tools/files/trace.h"
 #include "toothprep/tools/io/json_text.h"
 #include "toothprep/tools/io/outputs.h"
+#include "toothprep/tools/mesh/tissue_division.h"
+#include "toothprep/tools/models/model_file.h"
 #include "toothprep/version.h"
 
 namespace toothprep::app {
@@ -46,7 +48,7 @@ constexpr double kMostBetweenRows = 0.1;  // s: readers of trajectories refuse l
 struct Options {
   SessionOptions session;
   PlacingOptions placing;
-  std::string trajectory, output, prepared;
+  std::string trajectory, output, prepared, mesh;
   bool force = false, json = false, strict = false, allow_gaps = false;
   std::size_t trace_every = 1;
 };
@@ -205,12 +207,21 @@ void run_both(const First& first, const Second& second) {
     if (error) std::rethrow_exception(error);
 }
 
+// The same as `mesh` writes of the prepared tooth's file.
+void write_mesh_of(const LayeredTooth& prepared, const std::string& path) {
+  const TriangleMesh mesh = surface_by_tissue(prepared).mesh;
+  if (mesh.triangles.empty())
+    throw Error("--mesh: nothing remains of the tooth, so there is no surface");
+  write_surface(mesh, path);
+}
+
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory, o.placing.from,
                  o.placing.at, o.placing.registration});
   const std::string output = outputs.file(o.output, {".h5", ".hdf5"});
   const std::string prepared = outputs.optional_file(o.prepared, {".vdb"});
+  const std::string mesh = outputs.optional_file(o.mesh, kSurfaceExtensions);
   outputs.begin();
 
   const Parameters parameters = load_parameters(o.session);
@@ -282,9 +293,10 @@ void run(const Options& o, const Common& common) {
           write_trace(trace, output);
       },
       [&] {
-        if (prepared.empty()) return;
+        if (prepared.empty() && mesh.empty()) return;
         apply_cut(tooth, workpiece.cut());
-        write_tooth(tooth, prepared);
+        if (!prepared.empty()) write_tooth(tooth, prepared);
+        if (!mesh.empty()) write_mesh_of(tooth, mesh);
       });
   std::optional<double> element_mm;
   if (parameters.engine == EngineKind::kLevelset) element_mm = element_size(bur, parameters);
@@ -314,6 +326,8 @@ void add_replay(CLI::App& app, const Common& common) {
                   "Write every Nth step only to the trace (1: all; up to 0.1 s between rows)")
       ->check(CLI::Range(std::size_t{1}, kMostSamples));
   sub->add_option("--prepared", o->prepared, "Also write the prepared tooth (.vdb)");
+  sub->add_option("--mesh", o->mesh,
+                  "Also write its surface (.ply, .stl, .obj, .vtk, .glb, .3mf), as 'mesh' would");
   sub->add_flag("--allow-gaps", o->allow_gaps, "Interpolate gaps above 0.1 s in the trajectory");
   add_strict(
       *sub, o->strict,

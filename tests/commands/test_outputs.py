@@ -88,7 +88,8 @@ COMMANDS = {
     "prepare": Command(["prepare", "--type", "class1", "--tooth", "molar.vdb", "--bur", "57", "--drive", "direct"],
                        ["molar.vdb"], ("-o", "new.toml", False), ("--picture", "new.png", False)),
     "replay": Command(["replay", "--tooth", "block.vdb", *BUR, "--trajectory", "path.toml", "--params", "model.toml"],
-                      ["block.vdb", "path.toml", "model.toml"], ("-o", "new.h5", False), ("--prepared", "new.vdb", False)),
+                      ["block.vdb", "path.toml", "model.toml"], ("-o", "new.h5", False), ("--prepared", "new.vdb", False),
+                      ("--mesh", "new.ply", False)),
     "export": Command(["export", "trace.h5"], ["trace.h5"], ("-o", "new.csv", False)),
     "mesh ply": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.ply", False)),
     "mesh stl": Command(["mesh", "block.vdb"], ["block.vdb"], ("-o", "new.stl", False)),
@@ -370,10 +371,10 @@ class Outputs(unittest.TestCase):
                 self.bring(["slow.toml"])
                 line = ["slow.toml" if word == "path.toml" else word for word in command.line()]
                 child = subprocess.Popen([BINARY, *line], cwd=self.folder, stderr=subprocess.DEVNULL)
-                self.wait_for_parts(2)
+                self.wait_for_parts(len(command.outputs))
                 child.kill()
                 child.wait()
-                self.assertEqual(len(self.parts()), 2)
+                self.assertEqual(len(self.parts()), len(command.outputs))
                 self.make(command)
                 self.assertEqual([n for n in os.listdir(self.folder) if n.startswith(".")], [])
 

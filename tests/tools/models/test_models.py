@@ -101,6 +101,13 @@ class Models(CommandTest):
             self.assertEqual(accessor["max"], values.max(axis=0).astype(float).tolist())
         return values, view["target"]
 
+    def test_a_replay_writes_the_mesh_of_what_it_prepared(self):
+        for extension in ("ply", "glb"):
+            with self.subTest(extension):
+                self.run_ok("replay", "--tooth", "molar.vdb", "--trajectory", "path.toml", "--bur", "cylinder:D1.6xL9", "--drive",
+                            "direct", "--params", "free.toml", "--mesh", "at-once." + extension, "-o", "again.h5", "--force")
+                self.assertEqual(self.read("at-once." + extension), self.read("cut." + extension))
+
     def test_the_specimen_shows_three_tissues(self):
         self.assertEqual(set(self.by_tissue()), {"enamel", "dentin", "pulp"})
         self.assertTrue(is_closed(self.triangles))

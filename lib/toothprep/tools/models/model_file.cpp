@@ -6,10 +6,14 @@
 #include "toothprep/tools/models/formats.h"
 
 namespace toothprep {
+namespace {
+
 bool is_model_name(const std::string& path) {
   const std::string extension = file_extension(path);
   return extension == ".glb" || extension == ".3mf";
 }
+
+}  // namespace
 
 void write_model(const TriangleMesh& mesh, const std::string& path) {
   if (!is_model_name(path))
@@ -20,6 +24,10 @@ void write_model(const TriangleMesh& mesh, const std::string& path) {
   } catch (const ModelTooLarge& e) {
     throw Error(path + ": " + e.what());
   }
+}
+
+void write_surface(const TriangleMesh& mesh, const std::string& path) {
+  is_model_name(path) ? write_model(mesh, path) : write_mesh(mesh, path);
 }
 
 }  // namespace toothprep

@@ -3,13 +3,11 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "toothprep/tools/mesh/surface.h"
 
 namespace toothprep {
-
-// Whether the name ends in .glb or .3mf, in any case: whether it is for write_model().
-[[nodiscard]] bool is_model_name(const std::string& path);
 
 // By extension; a triangle without a tissue of its own belongs to that of most of its vertices, of
 // three to the first.
@@ -23,5 +21,12 @@ namespace toothprep {
 // Same mesh, same bytes. Throws Error for another extension, an empty mesh, one that the format
 // can't hold (.glb: 4 GB), or a file that can't be written. Writes `path` itself.
 void write_model(const TriangleMesh& mesh, const std::string& path);
+
+// The formats of write_surface(), by their extensions.
+inline const std::vector<std::string> kSurfaceExtensions = {".ply", ".stl", ".obj",
+                                                            ".vtk", ".glb", ".3mf"};
+
+// As write_model(), or write_mesh() for a format of that, and throws as these do.
+void write_surface(const TriangleMesh& mesh, const std::string& path);
 
 }  // namespace toothprep
