@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "toothprep/step/grinding/advance_kernels.h"
 #include "toothprep/step/grinding/contact_frame.h"
 
 namespace toothprep {
@@ -21,8 +22,6 @@ constexpr double kSharpEdge = 0.3;
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
-// Motion along another direction (cosine) finds something else.
-constexpr float kSameDirection = 0.995f;
 
 // How far the element's rim lies behind its tangent plane, mm.
 float sag_of(const SurfaceElements& e, std::size_t i) {
@@ -171,7 +170,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
-  scan.turns ? advance<true>(scan) : advance<false>(scan);
+  advance(scan);
   const int candidates = choose(scan);
   contact_.clear();
   const int others = add_advancing(scan, candidates);
@@ -214,40 +213,35 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
   sampled_ = true;
 }
 
-// v·n of every element, and half its range over the element, with one velocity for all, or with v(s) = v
-// + omega x r(s). Then what was found along another direction doesn't stand.
-template <bool kTurns>
+// v·n of every element, and half its range over the element. Where the handle turns, what was found along
+// another direction doesn't stand.
 void ContactModel::advance(const Scan& scan) noexcept {
   const SurfaceElements& e = elements_;
-  const int n = static_cast<int>(e.size());
-  const float vx = scan.v.x(), vy = scan.v.y(), vz = scan.v.z();
-  const float ox = scan.omega.x(), oy = scan.omega.y(), oz = scan.omega.z();
-  const float *x = e.x.data(), *y = e.y.data(), *z = e.z.data();
-  const float *nx = e.nx.data(), *ny = e.ny.data(), *nz = e.nz.data();
-  const float *lx = e.lx.data(), *ly = e.ly.data(), *lz = e.lz.data();
-  const float *tx = e.tx.data(), *ty = e.ty.data();
-  const float *turn_around = turn_around_.data(), *turn_along = turn_along_.data();
-  const float *looked_x = looked_x_.data(), *looked_y = looked_y_.data(),
-              *looked_z = looked_z_.data();
-  float *advance = advance_.data(), *range = range_.data(), *left = left_.data();
-  std::int32_t* worth = worth_.data();
-#pragma omp simd
-  for (int i = 0; i < n; ++i) {
-    float ux = vx, uy = vy, uz = vz, speed = scan.speed;
-    if constexpr (kTurns) {
-      ux = vx + (oy * z[i] - oz * y[i]), uy = vy + (oz * x[i] - ox * z[i]),
-      uz = vz + (ox * y[i] - oy * x[i]);
-      speed = std::sqrt(ux * ux + (uy * uy + uz * uz));
-      const float same = looked_x[i] * ux + looked_y[i] * uy + looked_z[i] * uz;
-      left[i] = same >= kSameDirection * speed ? left[i] : -1;
-    }
-    const float s = nx[i] * ux + ny[i] * uy + nz[i] * uz;
-    const float r = std::abs((tx[i] * ux + ty[i] * uy) * turn_around[i]) +
-                    std::abs((lx[i] * ux + ly[i] * uy + lz[i] * uz) * turn_along[i]);
-    advance[i] = s;
-    range[i] = r;
-    worth[i] = s + r > -kMarginSine * speed ? 1 : 0;
-  }
+  const AdvancingElements elements = {static_cast<int>(e.size()),
+                                      e.x.data(),
+                                      e.y.data(),
+                                      e.z.data(),
+                                      e.nx.data(),
+                                      e.ny.data(),
+                                      e.nz.data(),
+                                      e.lx.data(),
+                                      e.ly.data(),
+                                      e.lz.data(),
+                                      e.tx.data(),
+                                      e.ty.data(),
+                                      turn_around_.data(),
+                                      turn_along_.data(),
+                                      looked_x_.data(),
+                                      looked_y_.data(),
+                                      looked_z_.data(),
+                                      advance_.data(),
+                                      range_.data(),
+                                      worth_.data(),
+                                      left_.data()};
+  const FeedOfElements feed = {scan.v.x(),     scan.v.y(),     scan.v.z(),    scan.speed,
+                               scan.omega.x(), scan.omega.y(), scan.omega.z()};
+  const AdvanceKernel& kernel = fastest_advance_kernel();
+  (scan.turns ? kernel.turning : kernel.straight)(elements, feed);
 }
 
 // The elements to settle: those that may advance, but for what is known to lie in the void. Those of

@@ -118,7 +118,6 @@ class ContactModel {
   double way_since(const Scan& scan, const Pose& pose) const noexcept;
   bool holds(const Scan& scan, double way) const noexcept;
   void begin(const Scan& scan, const Pose& pose, double way) noexcept;
-  template <bool kTurns>
   void advance(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
   int add_advancing(const Scan& scan, int candidates) noexcept;

@@ -6,14 +6,12 @@
 #include <cmath>
 #include <cstdint>
 
+#include "toothprep/step/grinding/advance_kernels.h"
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/covered_part.h"
 
 namespace toothprep {
 
-// Elements whose normal is up to this far behind the motion (sine of the angle) are sampled as
-// well, so that the trial velocity may turn by as much without a new sample.
-constexpr float kMarginSine = 0.05f;
 // Keeps a division defined where the field is flat or meets an element face on, mm.
 constexpr float kLeastExtent = 1e-6f;
 
