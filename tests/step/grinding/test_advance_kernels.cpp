@@ -1,6 +1,4 @@
 // How fast elements advance must not depend on the processor.
-#include "toothprep/step/grinding/advance_kernels.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,6 +6,8 @@
 #include <cstdint>
 #include <random>
 #include <vector>
+
+#include "toothprep/step/grinding/advance_kernels.h"
 
 namespace toothprep {
 namespace {
@@ -26,27 +26,12 @@ using Arrays = std::vector<std::vector<float>>;
 Found run(const AdvanceKernel& kernel, const Arrays& a, const FeedOfElements& feed, bool turns) {
   Found found{std::vector<float>(kCount), std::vector<float>(kCount), a[16],
               std::vector<std::int32_t>(kCount)};
-  const AdvancingElements elements = {kCount,
-                                      a[0].data(),
-                                      a[1].data(),
-                                      a[2].data(),
-                                      a[3].data(),
-                                      a[4].data(),
-                                      a[5].data(),
-                                      a[6].data(),
-                                      a[7].data(),
-                                      a[8].data(),
-                                      a[9].data(),
-                                      a[10].data(),
-                                      a[11].data(),
-                                      a[12].data(),
-                                      a[13].data(),
-                                      a[14].data(),
-                                      a[15].data(),
-                                      found.advance.data(),
-                                      found.range.data(),
-                                      found.worth.data(),
-                                      found.left.data()};
+  const AdvancingElements elements = {
+      kCount,           a[0].data(),  a[1].data(),          a[2].data(),        a[3].data(),
+      a[4].data(),      a[5].data(),  a[6].data(),          a[7].data(),        a[8].data(),
+      a[9].data(),      a[10].data(), a[11].data(),         a[12].data(),       a[13].data(),
+      a[14].data(),     a[15].data(), found.advance.data(), found.range.data(), found.worth.data(),
+      found.left.data()};
   (turns ? kernel.turning : kernel.straight)(elements, feed);
   return found;
 }

@@ -3,6 +3,7 @@
 
 #include <random>
 
+#include "toothprep/step/grinding/contact_frame.h"
 #include "toothprep/step/grinding/covered_part.h"
 
 namespace toothprep::testing {
@@ -32,6 +33,42 @@ TEST(CoveredPart, ShareAndMiddleAreThoseOfTheSquareUnderTheLine) {
     EXPECT_NEAR(part.x, x / share, 0.02) << c << " " << a << " " << b;
     EXPECT_NEAR(part.y, y / share, 0.02) << c << " " << a << " " << b;
   }
+}
+
+// Lines that cut a corner off as well, along which x², y² and x y aren't what they are on average.
+TEST(CoveredPart, OfABentBorderIsThatOfTheStraightOneThatDividesThePieceAlike) {
+  std::mt19937 engine(7);
+  constexpr int kLines = 300;
+  double squares = 0, squares_straight = 0;
+  int count = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    const auto value = [&](double bound) {
+      return static_cast<float>(within(engine, -bound, bound));
+    };
+    const float c = value(1.5), a = value(1), b = value(1), d = value(0.04), e = value(0.04),
+                f = value(0.1);
+    if (std::max(std::abs(a), std::abs(b)) < 0.5f) continue;
+    double share = 0;
+    for (int i = 0; i < kLines; ++i)
+      for (int j = 0; j < kLines; ++j) {
+        const float x = (2 * static_cast<float>(i) + 1) / kLines - 1,
+                    y = (2 * static_cast<float>(j) + 1) / kLines - 1;
+        if (c + a * x + b * y + d * x * x + e * y * y + f * x * y < 0) share += 1;
+      }
+    share /= kLines * kLines;
+    const Float4 middle = straightened(all4(c), all4(a), all4(b), all4(d), all4(e), all4(f));
+    const double found = covered_part<float>(middle[0], a, b).share;
+    EXPECT_NEAR(found, share, 0.02)
+        << c << " " << a << " " << b << " " << d << " " << e << " " << f;
+    const double straight = covered_part<float>(c, a, b).share;
+    squares += (found - share) * (found - share);
+    squares_straight += (straight - share) * (straight - share);
+    ++count;
+  }
+  std::printf("rms %.5f, as straight lines %.5f\n", std::sqrt(squares / count),
+              std::sqrt(squares_straight / count));
+  EXPECT_LT(std::sqrt(squares / count), 0.002);
+  EXPECT_GT(std::sqrt(squares_straight / count), 0.006);
 }
 
 TEST(CoveredPart, ShareAndMiddleUnderTwoLinesAreThoseOfWhatLiesUnderBoth) {

@@ -150,7 +150,12 @@ void ContactModel::add_piece(std::size_t i, double around, double along, int acr
   put(to.mx, p.mx), put(to.my, p.my), put(to.mz, p.mz);
   put(to.weight, p.weight), put(to.arm, p.arm);
   put(to.half_along, e.half_along[i] / up);
-  put(to.half_around, e.half_around[i] / across);
+  // Nearer to the axis it is narrower; what it turns by around the axis is that of its own normal.
+  const double radius = std::hypot(x.x(), x.y());
+  put(to.half_around, e.half_around[i] / across * radius / e.radius[i]);
+  put(to.curvature_around, e.curvature_around[i] == 0
+                               ? 0
+                               : (n.x() * x.x() + n.y() * x.y()) / (n.norm() * radius * radius));
 }
 
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,

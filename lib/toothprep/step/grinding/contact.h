@@ -73,6 +73,7 @@ class ContactModel {
     std::vector<float> nx, ny, nz, tx, ty, lx, ly, lz, mx, my, mz;  // as of SurfaceElements; r x n
     std::vector<float> weight, arm;                                 // dphi dl and r, mm
     std::vector<float> half_along, half_around;                     // mm
+    std::vector<float> curvature_around;                            // 1/mm
   };
   // What was found of an element as a whole.
   enum class Found : std::int32_t {

@@ -30,6 +30,8 @@ constexpr float kWallAtMost = 1.0f / 12;
 constexpr float kRounded = 0.4f;
 
 constexpr float kLeastShare = 1e-4f;  // of a piece: less is nothing
+// Of a border in a piece, at least: keeps a division defined for one along an axis.
+constexpr float kLeastSlant = 0.02f;
 
 // The cell of an index coordinate beside the tip's voxel. Cutting towards zero is floor for what is
 // positive, and vectorises with SSE2 alone. The offset costs up to 3e-4 voxel: so close to a border
@@ -156,7 +158,8 @@ struct ContactModel::AtBorder {
 struct ContactModel::Lanes {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
-  float curvature_along, curvature_around;
+  float curvature_along;
+  Float4 curvature_around;
   float edge;            // as of edge_
   Int4 at_edge;          // -1: the piece lies at that edge
   Float4 ux, uy, uz;     // velocity, mm/s, B
@@ -184,9 +187,11 @@ struct ContactModel::Lanes {
 struct ContactModel::PieceAxes {
   Float4 along_x, along_y, along_z, around_x, around_y;
   Float4 bent_along_x, bent_along_y, bent_along_z, bent_around_x, bent_around_y;
+  Float4 widening;  // of what they are around the axis, over half of them along the profile
 
   PieceAxes(const Pieces& pieces, int first, float curvature_along) {
-    const float along = pieces.half_along[first], around = pieces.half_around[first];
+    const float along = pieces.half_along[first];
+    const Float4 around = load4(&pieces.half_around[first]);
     along_x = along * load4(&pieces.lx[first]), along_y = along * load4(&pieces.ly[first]);
     along_z = along * load4(&pieces.lz[first]);
     around_x = around * load4(&pieces.tx[first]), around_y = around * load4(&pieces.ty[first]);
@@ -194,8 +199,10 @@ struct ContactModel::PieceAxes {
     bent_along_x = bend * load4(&pieces.nx[first]), bent_along_y = bend * load4(&pieces.ny[first]);
     bent_along_z = bend * load4(&pieces.nz[first]);
     const Float4 x = load4(&pieces.x[first]), y = load4(&pieces.y[first]);
-    const Float4 per_radius = -0.5f * around * around / (x * x + y * y);
+    const Float4 per_square = 1 / (x * x + y * y),
+                 per_radius = -0.5f * around * around * per_square;
     bent_around_x = per_radius * x, bent_around_y = per_radius * y;
+    widening = (along_x * x + along_y * y) * per_square;
   }
 
   // By how much a field with gradient g (B, per mm) changes over half of a piece.
@@ -212,17 +219,24 @@ struct ContactModel::PieceAxes {
   }
 };
 
-// Of a field c + a x + b y + d x² + e y² over [-1, 1]²: the value in the middle of the one without d
-// and e whose zero divides the piece alike. To second order: with x² and y² as they are on average
-// along that line.
+// Of a field c + a x + b y + d x² + e y² + f x y over [-1, 1]²: the value in the middle of the one without d, e
+// and f whose zero divides the piece alike. To second order: with x², y² and x y as they are on average along
+// that line, as far as it lies in the piece.
 inline Float4 straightened(const Float4& c, const Float4& a, const Float4& b, const Float4& d,
-                           const Float4& e) {
-  const Float4 abs_a = magnitude(a), abs_b = magnitude(b);
+                           const Float4& e, const Float4& f) {
+  const Float4 abs_a = magnitude(a), abs_b = magnitude(b), one = all4(1);
   const Float4 larger = greatest(greatest(abs_a, abs_b), all4(kLeastExtent));
-  const Float4 at = c / larger, slant = least(abs_a, abs_b) / larger, third = all4(1.0f / 3);
-  const Float4 across = least(at * at + third * slant * slant, all4(1));
+  const Float4 at = c / larger, slant = greatest(least(abs_a, abs_b) / larger, all4(kLeastSlant));
+  // The line is u = -at - slant v, u towards the larger change.
+  const Float4 from = least(greatest((-1 - at) / slant, -one), one),
+               to = least(greatest((1 - at) / slant, -one), one);
+  const Float4 middle = 0.5f * (from + to), half = 0.5f * (to - from);
+  const Float4 vv = middle * middle + (1.0f / 3) * half * half;
+  const Float4 uu = least(at * at + slant * (2 * at * middle + slant * vv), one),
+               uv = least(greatest(-at * middle - slant * vv, -one), one);
   const Int4 along = abs_a > abs_b;
-  return c + d * (along ? across : third) + e * (along ? third : across);
+  return c + d * (along ? uu : vv) + e * (along ? vv : uu) +
+         f * turned_where_negative(a, turned_where_negative(b, uv));
 }
 
 // What was found of a piece stands until a share may have changed by this, and a whole sample in which it

@@ -67,7 +67,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   const int first = i * kPieces;
   Lanes lanes;
   lanes.curvature_along = e.curvature_along[i];
-  lanes.curvature_around = e.curvature_around[i];
+  lanes.curvature_around = load4(&pieces.curvature_around[first]);
   lanes.edge = edge_[i];
   // Squares lie two by two, the lower of each first.
   const std::int32_t lower = strips || lanes.edge < 0 ? -1 : 0, upper = strips ? -1 : -1 - lower;
@@ -159,8 +159,8 @@ void ContactModel::feed(const Scan& scan, const Pieces& pieces, int first,
   s.advance = s.ux * load4(&pieces.nx[first]) + s.uy * load4(&pieces.ny[first]) +
               s.uz * load4(&pieces.nz[first]);
   // Half of a piece may be in front of its middle.
-  const float turn = std::abs(s.curvature_along * pieces.half_along[first]) +
-                     std::abs(s.curvature_around * pieces.half_around[first]);
+  const Float4 turn = std::abs(s.curvature_along * pieces.half_along[first]) +
+                      magnitude(s.curvature_around * load4(&pieces.half_around[first]));
   s.live = s.advance >= -(kMarginSine + turn) * s.speed;
   s.x = s.y = Float4{};
 }
@@ -186,9 +186,12 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
 // Four pieces of an element against the cut: where its field, by what is found of it, divides them.
 struct ContactModel::CutOfPieces {
   const PieceAxes& axes;
-  float half_along, half_around;  // of the pieces, mm
-  float curvature_along, curvature_around;
-  float voxel, wall;   // mm; by how much a wall stands out
+  float half_along;  // of the pieces, mm
+  Float4 half_around;
+  float curvature_along;
+  Float4 curvature_around;
+  float voxel;         // mm
+  Float4 wall;         // mm; by how much a wall stands out
   float per_speed;     // s/mm
   bool may_be_ridges;  // not along straight sides, which are swept as they are
   Float4 ux, uy, uz;   // velocity, mm/s, B
@@ -197,13 +200,13 @@ struct ContactModel::CutOfPieces {
               const Lanes& s)
       : axes(piece_axes),
         half_along(pieces.half_along[first]),
-        half_around(pieces.half_around[first]),
+        half_around(load4(&pieces.half_around[first])),
         curvature_along(s.curvature_along),
         curvature_around(s.curvature_around),
         voxel(static_cast<float>(scan.workpiece.voxel())),
         wall(kWall * voxel * voxel * (curvature_along + curvature_around)),
         per_speed(s.speed > 0 ? 1 / s.speed : 0),
-        may_be_ridges(curvature_along != 0 || curvature_around == 0),
+        may_be_ridges(curvature_along != 0 || !any(curvature_around != 0)),
         ux(s.ux),
         uy(s.uy),
         uz(s.uz) {}
@@ -229,14 +232,18 @@ struct ContactModel::CutOfPieces {
     const Float4 beside = least(wx * wx + wy * wy + wz * wz, all4(1));
     const Float4 wall_along = beside * (-0.5f * curvature_along) * l * l,
                  wall_around = beside * (-0.5f * curvature_around) * t * t,
+                 wall_both = beside * (-0.5f * (curvature_along + curvature_around)) * l * t,
                  bent_along = beside * axes.bent_along(g),
                  bent_around = beside * axes.bent_around(g);
     const Float4 straight_along = axes.along(g), straight_around = axes.around(g);
-    const Float4 along = straight_along - 2 * wall_along * x,
-                 around = straight_around - 2 * wall_around * y;
+    const Float4 along = straight_along - 2 * wall_along * x - wall_both * y,
+                 around = straight_around - 2 * wall_around * y - wall_both * x;
+    const Float4 widens = axes.widening * straight_around;
     const Float4 middle = value - straight_along * x - straight_around * y +
-                          (wall_along - bent_along) * x * x + (wall_around - bent_around) * y * y;
-    return {straightened(middle, along, around, bent_along + wall_along, bent_around + wall_around),
+                          (wall_both - widens) * x * y + (wall_along - bent_along) * x * x +
+                          (wall_around - bent_around) * y * y;
+    return {straightened(middle, along, around, bent_along + wall_along, bent_around + wall_around,
+                         widens + wall_both),
             along, around};
   }
 };
@@ -283,10 +290,10 @@ ContactModel::AtBorder ContactModel::look_at_border(const Scan& scan, const CutO
       greatest(borders.along * by_along + borders.around * by_around, all4(kLeastExtent));
   const Float4 x = within(way * by_along, kWithinPiece), y = within(way * by_around, kWithinPiece);
   const PieceAxes& axes = cut.axes;
-  const Float4 xx = x * x, yy = y * y;
-  const Float4 dx = axes.along_x * x + axes.around_x * y + axes.bent_along_x * xx +
+  const Float4 xx = x * x, yy = y * y, wide = y * (1 + axes.widening * x);
+  const Float4 dx = axes.along_x * x + axes.around_x * wide + axes.bent_along_x * xx +
                     axes.bent_around_x * yy,
-               dy = axes.along_y * x + axes.around_y * y + axes.bent_along_y * xx +
+               dy = axes.along_y * x + axes.around_y * wide + axes.bent_along_y * xx +
                     axes.bent_around_y * yy,
                dz = axes.along_z * x + axes.bent_along_z * xx;
   const IndexFrame& f = scan.frame;
@@ -304,7 +311,8 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
                                KeptCells& farther, Lanes& s) const noexcept {
   const IndexFrame& f = scan.frame;
   const PieceAxes& axes = cut.axes;
-  const float ka = cut.curvature_along, kt = cut.curvature_around, voxel = cut.voxel;
+  const float ka = cut.curvature_along, voxel = cut.voxel;
+  const Float4& kt = cut.curvature_around;
   const float look_ahead = static_cast<float>(look_ahead_), look = look_ahead - scan.reach;
   const Place middle{s.ix + look * s.unit.x(), s.iy + look * s.unit.y(), s.iz + look * s.unit.z()};
   const FourPlaces at(middle.x, middle.y, middle.z);
@@ -333,7 +341,7 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   // Of a flat end only beside the axis, where floor and wall of its slot meet.
   const Float4 beside = kt != 0 ? all4(1) : greatest(1 - kBeside * vl * vl, Float4{});
   const Float4 stands_out =
-      all4(kWallAtMost * voxel * voxel * (ka + kt)) + kEdgeStandsOut * voxel * of_edge * beside;
+      kWallAtMost * voxel * voxel * (ka + kt) + kEdgeStandsOut * voxel * of_edge * beside;
   Float4 hidden = least(least(value, back), surface);
   if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, voxel);
   s.note_crossing(s.live, hidden, range_along, range_around, rise);
@@ -367,8 +375,8 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
   const Float4 lx = load4(&pieces.lx[first]), ly = load4(&pieces.ly[first]),
                lz = load4(&pieces.lz[first]), tx = load4(&pieces.tx[first]),
                ty = load4(&pieces.ty[first]);
-  const float turn_along = s.curvature_along * pieces.half_along[first],
-              turn_around = s.curvature_around * pieces.half_around[first];
+  const float turn_along = s.curvature_along * pieces.half_along[first];
+  const Float4 turn_around = s.curvature_around * load4(&pieces.half_around[first]);
   const CoveredPart<Float4> part =
       covered_part<Float4>(-s.advance, -turn_along * (s.ux * lx + s.uy * ly + s.uz * lz),
                            -turn_around * (s.ux * tx + s.uy * ty));
@@ -395,7 +403,7 @@ ContactSet::FourElements ContactModel::middles(const Pieces& pieces, int first,
                ly = load4(&pieces.ly[first]), lz = load4(&pieces.lz[first]);
   const Float4 px = load4(&pieces.x[first]), py = load4(&pieces.y[first]),
                pz = load4(&pieces.z[first]), radius = load4(&pieces.arm[first]);
-  const float half_around = pieces.half_around[first];
+  const Float4 half_around = load4(&pieces.half_around[first]);
   const Float4 da = pieces.half_along[first] * part.x, dt = half_around * part.y;
   const Float4 turn_l = s.curvature_along * da, turn_t = s.curvature_around * dt;
   const Float4 round = dt / radius / radius, lr = (lx * px + ly * py) / radius;

@@ -63,8 +63,9 @@ void ContactModel::cover_tooth(const Scan& scan, int i, const PieceAxes& axes, L
     kept.read_solid(workpiece, at_surface);
     const FourSamples solid = kept.solid.at(s.fx, s.fy, s.fz), g = scan.frame.gradients(solid);
     const Float4 along = axes.along(g), around = axes.around(g);
-    const Float4 value = straightened(at_surface4(solid, s.ahead), along, around,
-                                      axes.bent_along(g), axes.bent_around(g));
+    const Float4 value =
+        straightened(at_surface4(solid, s.ahead), along, around, axes.bent_along(g),
+                     axes.bent_around(g), axes.widening * around);
     s.surface.replace(at_surface, {value, along, around});
     const CoveredPart<Float4> part = s.surface.part();
     const Int4 both = at_surface & (least(part.share, s.share) > kLeastShare) &
@@ -94,8 +95,9 @@ void ContactModel::share_tissues(const Scan& scan, const PieceAxes& axes, const 
       const FourSamples field = kept.tissues[k].at(s.fx, s.fy, s.fz);
       const FourSamples g = scan.frame.gradients(field);
       const Float4 along = axes.along(g), around = axes.around(g);
-      const Float4 value = straightened(at_surface4(field, s.ahead), along, around,
-                                        axes.bent_along(g), axes.bent_around(g));
+      const Float4 value =
+          straightened(at_surface4(field, s.ahead), along, around, axes.bent_along(g),
+                       axes.bent_around(g), axes.widening * around);
       borders[k] = {value, along, around};
       CoveredPart<Float4>& part = s.of_tissue[k] = borders[k].part();
       part.share = part.share > kLeastShare ? part.share : Float4{};
