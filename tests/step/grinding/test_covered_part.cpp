@@ -1,6 +1,9 @@
 // How much of a square lies on one side of a line, against counting.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <random>
 
 #include "toothprep/step/grinding/contact_frame.h"
