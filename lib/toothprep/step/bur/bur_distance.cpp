@@ -18,6 +18,7 @@
 #include <limits>
 
 #include "toothprep/step/bur/distance_kernels.h"
+#include "toothprep/step/core/processor.h"
 
 namespace toothprep {
 namespace {
@@ -29,12 +30,6 @@ constexpr int kBlock = 8;
 #define TOOTHPREP_KEEP_LOOP _Pragma("GCC unroll 1")
 #else
 #define TOOTHPREP_KEEP_LOOP
-#endif
-// Into the kernel of each processor.
-#if defined(__GNUC__)
-#define TOOTHPREP_INLINE inline __attribute__((always_inline))
-#else
-#define TOOTHPREP_INLINE inline
 #endif
 
 template <int N, class T>
@@ -272,15 +267,6 @@ __attribute__((target("avx2"))) void near_with_avx2(const DistanceOutline<float>
   signed_distances_near<kDistanceBlock>(outline, ball, r, z, out);
 }
 #endif
-
-bool has_avx2() {
-#if defined(__x86_64__) && defined(__GNUC__)
-  __builtin_cpu_init();  // this may run before main()
-  return __builtin_cpu_supports("avx2");
-#else
-  return false;
-#endif
-}
 
 // Chosen when the program is loaded: a tick must neither allocate nor wait for another's choice.
 const DistanceKernel kPlain = {"plain", plain, plain_near};

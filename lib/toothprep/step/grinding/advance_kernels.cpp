@@ -2,18 +2,13 @@
 
 #include <cmath>
 
+#include "toothprep/step/core/processor.h"
+
 namespace toothprep {
 namespace {
 
 // Motion along another direction (cosine) finds something else.
 constexpr float kSameDirection = 0.995f;
-
-// Into the kernel of each processor.
-#if defined(__GNUC__)
-#define TOOTHPREP_INLINE inline __attribute__((always_inline))
-#else
-#define TOOTHPREP_INLINE inline
-#endif
 
 template <bool kTurns>
 TOOTHPREP_INLINE void advance(const AdvancingElements& e, const FeedOfElements& feed) {
@@ -58,14 +53,8 @@ __attribute__((target("avx2"))) void with_avx2(const AdvancingElements& elements
   advance<kTurns>(elements, feed);
 }
 constexpr AdvanceKernel kAvx2 = {"avx2", with_avx2<false>, with_avx2<true>};
-
-bool has_avx2() {
-  __builtin_cpu_init();  // this may run before main()
-  return __builtin_cpu_supports("avx2");
-}
 #else
 constexpr AdvanceKernel kAvx2 = kPlain;
-bool has_avx2() { return false; }
 #endif
 
 // Chosen when the program is loaded: a tick must neither allocate nor wait for another's choice.
