@@ -1,5 +1,8 @@
 // Removal by itself: what a bur that moves leaves, against volumes that can be written down.
 #include <gtest/gtest.h>
+#if defined(__linux__)
+#include <sys/resource.h>
+#endif
 
 #include "../session/experiment.h"
 #include "toothprep/step/core/units.h"
@@ -186,6 +189,29 @@ TEST_F(RemovalOfACylinder, InAirNothingIsRemovedAndNoBrickIsTouched) {
   EXPECT_EQ(total_of(removal.removed()), 0);
   EXPECT_EQ(workpiece_.cut().bricks_stored(), bricks);
 }
+
+#if defined(__linux__)
+long page_faults() {
+  rusage usage{};
+  getrusage(RUSAGE_THREAD, &usage);
+  return usage.ru_minflt;
+}
+
+// Two bricks share a page: taken as they come, they would cost a fault for two.
+TEST(BricksOfACut, AreInMemoryBeforeTheFirstStepTakesThem) {
+  const LayeredTooth tooth = block(0.05, 4, Vec3(6, 4, 6));
+  Workpiece workpiece(tooth);
+  const Bur bur = paper_cylinder();
+  const long before = page_faults();
+  Removal removal(bur, workpiece, at(0, -2, -1.5));
+  removal.clear(at(0, -2, -1.5));
+  for (double x = 0; x < 1; x += 0.002) step(removal, at(x, -2, -1.5));
+  const long faults = page_faults() - before;
+  const auto bricks = static_cast<long>(workpiece.cut().bricks_stored());
+  EXPECT_GT(bricks, 200);
+  EXPECT_LT(faults, bricks / 8);
+}
+#endif
 
 TEST_F(RemovalOfACylinder, TheVolumeFallsToTheTissuesOnBothSidesOfABorder) {
   // Enamel 1 mm over dentin, the axis on the border: half and half.
