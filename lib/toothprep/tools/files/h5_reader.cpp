@@ -10,6 +10,7 @@
 #include "toothprep/step/core/regular_file.h"
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/tools/files/h5_checksums.h"
+#include "toothprep/tools/files/h5_safe_driver.h"
 #include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/trajectory/trajectory.h"
 
@@ -144,6 +145,7 @@ OpenFile open_to_read(const std::string& path) {
   // twice as long each time; a hundred times by itself, which takes 10 s of a damaged file.
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   H5Pset_metadata_read_attempts(access.get(), kReadAttempts);
+  use_safe_driver(access.get());
   opened.file =
       Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access.get()), H5Fclose);
   opened.shared = true;

@@ -13,6 +13,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/h5_checksums.h"
 #include "toothprep/tools/files/h5_packing.h"
+#include "toothprep/tools/files/h5_safe_driver.h"
 #include "toothprep/tools/io/write_file.h"
 
 namespace toothprep::h5 {
@@ -130,6 +131,7 @@ Writer::Writer(const std::string& path, const std::string& shown, Growing)
   // same.)
   check(H5Pset_cache(access.get(), 0, 0, 0, 1));
   check(H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110));
+  check(use_safe_driver(access.get()));
   file_ = Handle(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation.get(), access.get()), H5Fclose);
   check(file_.get());
   group_creation_ = Handle(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
