@@ -1,0 +1,152 @@
+// Straight passes of a bur through a block, one beside the other, and the exact energy of what each newly
+// sweeps: shared by the tests of fresh slots, of chosen passes and of passes drawn by lot.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "experiment.h"
+#include "toothprep/proof/reference/swept_passes.h"
+#include "toothprep/step/core/units.h"
+
+namespace toothprep::testing {
+
+constexpr double kLength = 3;  // mm, of the block along the feed
+constexpr double kStart = 3;   // mm before and behind its middle: the head is clear of it
+
+// The bur upright over the block's top face, then leant across the feed and along it.
+inline Quat upright_leant(double across, double along) {
+  return Quat(Eigen::AngleAxisd(across, Vec3::UnitX()) * Eigen::AngleAxisd(along, Vec3::UnitZ()) *
+              Eigen::AngleAxisd(-units::kPi / 2, Vec3::UnitX()));
+}
+
+struct Passes {
+  const char* bur;
+  double depth;          // of the tip below the top face, mm
+  double across, along;  // rad
+  double enamel;         // mm
+  std::vector<double> z;
+  double speed = 8;         // mm/s
+  double element_size = 0;  // mm; 0: the default
+};
+
+struct Work {
+  double pass = 0, back = 0;  // mJ: along the pass, and back through its own slot
+};
+
+inline std::vector<Work> work_of(const Passes& p, double voxel) {
+  const Bur bur = make_bur(p.bur, "");
+  const LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
+  Parameters parameters = paper_without_stall();
+  parameters.element_size = p.element_size;
+  const Quat q = upright_leant(p.across, p.along);
+  Workpiece workpiece(tooth);
+  HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
+  Session session(bur, workpiece, parameters, Drive::kDirect, handle);
+  const auto cut_to = [&](double x) {
+    const double before = session.totals().torque_work, from = handle.pose.position.x();
+    const int steps = static_cast<int>(std::ceil(std::abs(x - from) / p.speed / 1e-3));
+    for (int i = 1; i <= steps; ++i) {
+      handle.time += 1e-3;
+      handle.pose.position.x() = from + (x - from) * i / steps;
+      session.step(handle);
+    }
+    return session.totals().torque_work - before;
+  };
+  std::vector<Work> work;
+  for (const double z : p.z) {
+    // To the start of the pass with the motor off: nothing is ground on the way.
+    handle.pose.position = Vec3(-kStart, -p.depth, z);
+    handle.buttons = 0;
+    session.step(handle);
+    handle.buttons = kPedalButton;
+    const double pass = cut_to(kStart);
+    work.push_back({pass, cut_to(-kStart)});
+  }
+  return work;
+}
+
+// The forces of each pass while the tip is within half a millimetre of the block's middle.
+inline std::vector<std::vector<Vec3>> forces_in_the_middle(const Passes& p, double voxel) {
+  const Bur bur = make_bur(p.bur, "");
+  const LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
+  const Quat q = upright_leant(p.across, p.along);
+  Workpiece workpiece(tooth);
+  HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
+  Session session(bur, workpiece, paper_without_stall(), Drive::kDirect, handle);
+  std::vector<std::vector<Vec3>> forces;
+  for (const double z : p.z) {
+    forces.emplace_back();
+    handle.pose.position = Vec3(-kStart, -p.depth, z);
+    handle.buttons = 0;
+    session.step(handle);
+    handle.buttons = kPedalButton;
+    for (double x = -kStart; x <= kStart; x += p.speed * 1e-3) {
+      handle.time += 1e-3;
+      handle.pose.position.x() = x;
+      const StepRecord row = session.step(handle);
+      if (std::abs(x) < 0.5) forces.back().push_back(row.grinding_force);
+    }
+  }
+  return forces;
+}
+
+// Of a first pass, while the tip is within half a millimetre of the block's middle, mJ/mm.
+inline double work_per_mm_in_the_middle(const Passes& p, double voxel) {
+  const Bur bur = make_bur(p.bur, "");
+  const LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
+  Workpiece workpiece(tooth);
+  HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, 0), upright_leant(p.across, p.along)},
+                      kPedalButton};
+  Session session(bur, workpiece, paper_without_stall(), Drive::kDirect, handle);
+  double before = 0, from = -kStart;
+  for (double x = -kStart; x <= 0.5; x += p.speed * 1e-3) {
+    if (x < -0.5) before = session.totals().torque_work, from = x;
+    handle.time += 1e-3;
+    handle.pose.position.x() = x;
+    session.step(handle);
+  }
+  return (session.totals().torque_work - before) /
+         (handle.pose.position.x() - from + p.speed * 1e-3);
+}
+
+inline std::vector<double> energy_of(const Passes& p) {
+  std::vector<Vec3> tips;
+  for (const double z : p.z) tips.emplace_back(0, -p.depth, z);
+  std::vector<double> energy;
+  for (const PerTissue<double>& area :
+       reference::newly_swept_sections(make_bur(p.bur, ""), upright_leant(p.across, p.along), tips,
+                                       reference::Block{Vec3(kLength, 3, 4), p.enamel}))
+    energy.push_back(kLength * (300 * area[0] + 100 * area[1]));
+  return energy;
+}
+
+// The largest errors. Allowed are `of_pass` of the pass's own energy or `of_slot` of the first's,
+// whichever is larger: a chip can be as thin as the error of a voxel's wall.
+struct Errors {
+  double beyond = 0;  // of a pass: over what is allowed, 1 being just that
+  double back = 0;    // relative to the first
+};
+inline Errors errors_of(const Passes& p, double voxel, double of_pass = 0.01,
+                        double of_slot = 0.002) {
+  const std::vector<double> energy = energy_of(p);
+  const std::vector<Work> work = work_of(p, voxel);
+  Errors e;
+  std::printf("%-28s tilt %4.2f %4.2f, %.3f mm:", p.bur, p.across, p.along, voxel);
+  for (std::size_t i = 0; i < work.size(); ++i) {
+    const double error = std::abs(work[i].pass - energy[i]);
+    e.beyond = std::max(e.beyond, error / std::max(of_pass * energy[i], of_slot * energy[0]));
+    e.back = std::max(e.back, std::abs(work[i].back) / energy[0]);
+    std::printf("  %.4f (%+.2f %%, back %.2f %%)", work[i].pass / energy[i],
+                100 * (work[i].pass - energy[i]) / energy[0], 100 * work[i].back / energy[0]);
+  }
+  std::printf("\n");
+  return e;
+}
+
+// And back through its own slot, upright or leant, a bur feels nothing.
+inline void expect_right(const Passes& p, const Errors& e) {
+  EXPECT_LT(e.beyond, 1) << p.bur << ", leant by " << p.across << ", " << p.along;
+  EXPECT_LT(e.back, 0.001) << p.bur << ", leant by " << p.across << ", " << p.along;
+}
+
+}  // namespace toothprep::testing
