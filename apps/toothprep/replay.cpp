@@ -211,7 +211,9 @@ void run_both(const First& first, const Second& second) {
 void write_mesh_of(const LayeredTooth& prepared, const std::string& path) {
   const TriangleMesh mesh = surface_by_tissue(prepared).mesh;
   if (mesh.triangles.empty())
-    throw Error("--mesh: nothing remains of the tooth, so there is no surface");
+    throw Error(
+        "--mesh: nothing remains of the tooth, so there is no surface; leave the option out to get "
+        "the other outputs");
   write_surface(mesh, path);
 }
 

@@ -108,6 +108,20 @@ class Models(CommandTest):
                             "direct", "--params", "free.toml", "--mesh", "at-once." + extension, "-o", "again.h5", "--force")
                 self.assertEqual(self.read("at-once." + extension), self.read("cut." + extension))
 
+    def test_of_a_tooth_that_is_cut_away_a_replay_leaves_no_mesh_and_no_other_output(self):
+        self.run_ok("specimen", "block", "--size-mm", "0.8,0.8,0.8", "--enamel-mm", "0.4", "--voxel-mm", "0.1", "-o", "crumb.vdb")
+        self.write("away.toml", 'start_mm = [0, 2, -1]\nrate_hz = 1000\n[[segment]]\nkind = "line"\nto_mm = [0, -2, -1]\n'
+                                'speed_mm_s = 10\n')
+        replay = ("replay", "--tooth", "crumb.vdb", "--trajectory", "away.toml", "--bur", "cylinder:D2xL3", "--drive", "direct",
+                  "--params", "free.toml", "--prepared", "nothing.vdb", "-o", "away.h5")
+        before = set(os.listdir(self.folder))
+        refused = self.run_tool(*replay, "--mesh", "nothing.ply")
+        self.assertEqual(refused.returncode, 1, refused.stderr)
+        self.assertIn("--mesh: nothing remains of the tooth, so there is no surface; leave the option out", refused.stderr)
+        self.assertEqual(set(os.listdir(self.folder)), before)
+        self.run_ok(*replay)
+        self.assertEqual(set(os.listdir(self.folder)), before | {"nothing.vdb", "away.h5"})
+
     def test_the_specimen_shows_three_tissues(self):
         self.assertEqual(set(self.by_tissue()), {"enamel", "dentin", "pulp"})
         self.assertTrue(is_closed(self.triangles))

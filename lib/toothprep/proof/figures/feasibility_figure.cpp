@@ -377,8 +377,8 @@ FigureReport feasibility_figure(const Experiment& experiment, FigureContext& con
                       b.path = path_of(run, p);
                       b.coupled = exact_answer(run, p, b.path, o.bur_library);
                       b.direct = exact_answer(direct, p, b.path, o.bur_library);
-                      b.outcome =
-                          run_on(run, p, context.specimen(experiment, run, o.voxel), o.bur_library);
+                      b.outcome = run_on(run, p, b.path, context.specimen(experiment, run, o.voxel),
+                                         o.bur_library);
                     }});
   context.run(jobs);
 

@@ -136,7 +136,8 @@ std::vector<Outcome> replay_runs(const Experiment& experiment, EngineKind engine
                       Parameters p = parameters_of(run, o.base);
                       p.engine = engine;
                       outcomes[i] =
-                          run_on(run, p, context.specimen(experiment, run, o.voxel), o.bur_library);
+                          run_on(run, p, path_of(run, p),
+                                 context.specimen(experiment, run, o.voxel), o.bur_library);
                     }});
   context.run(jobs);
   return outcomes;

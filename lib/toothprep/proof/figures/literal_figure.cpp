@@ -90,8 +90,9 @@ FigureReport literal_figure(const Experiment& experiment, FigureContext& context
     for (const bool literal : {false, true})
       jobs.push_back({experiment.name, [&, i, literal] {
                         const Run& run = experiment.runs[i];
+                        const Parameters p = parameters_of(run, o.base, literal);
                         outcomes[i][literal] =
-                            run_on(run, parameters_of(run, o.base, literal),
+                            run_on(run, p, path_of(run, p),
                                    context.specimen(experiment, run, o.voxel), o.bur_library);
                       }});
   context.run(jobs);

@@ -73,8 +73,8 @@ std::vector<HandleSample> path_of(const Run& run, const Parameters& parameters) 
   return resample(read_script(run.trajectory), parameters.time_step, false, run.trajectory);
 }
 
-Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
-               const std::string& bur_library) {
+Outcome run_on(const Run& run, const Parameters& parameters, const std::vector<HandleSample>& path,
+               LayeredTooth tooth, const std::string& bur_library) {
   const Bur bur = make_bur(run.bur, bur_library);
   Outcome outcome;
   outcome.parameters = parameters;
@@ -82,7 +82,7 @@ Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
   LevelSet cut;
   {
     Workpiece workpiece(tooth);
-    outcome.replay = replay(bur, workpiece, parameters, run.drive, path_of(run, parameters));
+    outcome.replay = replay(bur, workpiece, parameters, run.drive, path);
     cut = workpiece.cut();
   }
   apply_cut(tooth, cut);

@@ -35,9 +35,9 @@ LayeredTooth make_specimen(const Experiment& experiment, const Run& run, double 
 // The samples that a run commands, at the parameters' time step.
 std::vector<HandleSample> path_of(const Run& run, const Parameters& parameters);
 
-// Replays `run` on `tooth`, which becomes the outcome's prepared tooth.
-Outcome run_on(const Run& run, const Parameters& parameters, LayeredTooth tooth,
-               const std::string& bur_library);
+// Replays `run` along its path on `tooth`, which becomes the outcome's prepared tooth.
+Outcome run_on(const Run& run, const Parameters& parameters, const std::vector<HandleSample>& path,
+               LayeredTooth tooth, const std::string& bur_library);
 
 // The integrals of reference/ along what was replayed: in direct drive the load at each row's pose
 // and velocity, in coupled drive the equation of the spring and the tissue, solved by itself.

@@ -137,9 +137,10 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
                       p.engine = EngineKind::kLevelset;
                       if (i % 2)  // voxels and elements together
                         p.element_size = element_size(make_bur(run.bur, o.bur_library), p) / 2;
-                      outcomes[i] = run_on(
-                          run, p, context.specimen(experiment, run, i % 2 ? o.voxel / 2 : o.voxel),
-                          o.bur_library);
+                      outcomes[i] =
+                          run_on(run, p, exact[i / 2].path,
+                                 context.specimen(experiment, run, i % 2 ? o.voxel / 2 : o.voxel),
+                                 o.bur_library);
                     }});
   context.run(jobs);
   for (std::size_t i = 0; i < outcomes.size(); ++i) {

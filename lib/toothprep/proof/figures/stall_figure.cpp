@@ -125,7 +125,7 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
   for (Variant& v : variants)
     jobs.push_back({experiment.name, [&] {
                       v.outcome =
-                          run_on(*v.run, v.parameters,
+                          run_on(*v.run, v.parameters, v.path,
                                  context.specimen(experiment, *v.run, o.voxel), o.bur_library);
                       // The exact answer doesn't start again.
                       const StallRows s = first_stall(v.outcome.replay.rows);
