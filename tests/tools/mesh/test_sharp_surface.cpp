@@ -166,6 +166,17 @@ double margin_error(const SharpSurface& surface, const Preparation& p) {
   return error;
 }
 
+TEST(SharpSurface, IsEmptyWhenNothingRemains) {
+  const auto ball = [](double radius) {
+    return [radius](const Vec3& p) { return p.norm() - radius; };
+  };
+  const SharpSurface surface = extract_sharp_surface(cut_tooth(ball(0.5), ball(0.9), 1.2, 0.1));
+  EXPECT_TRUE(surface.mesh.vertices.empty());
+  EXPECT_TRUE(surface.mesh.triangles.empty());
+  EXPECT_TRUE(surface.margin.empty());
+  EXPECT_TRUE(surface.creases.empty());
+}
+
 // Measured: 0.005 to 0.062 voxels, where line angles of the cut come out 0.005 at most. Linear
 // interpolation over a tetrahedron's diagonal bounds each field's error by 3/8 D²/R, 0.06 D for
 // R = 0.6 mm and D = 0.1 mm, and the surfaces meet at 35 to 90 degrees.

@@ -18,6 +18,7 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <new>
 #include <string>
 
 namespace toothprep::h5 {
@@ -110,17 +111,30 @@ Saved at_the_end_of(const File& file) {
 
 void take(File& file, const Saved& saved) {
   if (saved == file.saved) return;
-  file.saved = saved;
+  file.saved = {};
+  file.bytes.clear();
   file.bytes.resize(saved.size);
   const haddr_t size = size_of(file);
   if (size < saved.size + sizeof saved ||
       !read_at(file, size - sizeof saved - saved.size, saved.size, file.bytes.data()) ||
       checksum_of(saved.address, file.bytes) != saved.checksum)
     file.bytes.clear();  // not all of it was written
+  file.saved = saved;
+}
+
+// HDF5 is C: no exception may pass through it.
+template <class F>
+auto unless_memory_fails(const F& f, decltype(f()) failed) {
+  try {
+    return f();
+  } catch (const std::bad_alloc&) {
+    return failed;
+  }
 }
 
 H5FD_t* open_file(const char* name, unsigned flags, hid_t, haddr_t) {
-  auto file = std::make_unique<File>();
+  std::unique_ptr<File> file(new (std::nothrow) File);
+  if (!file) return nullptr;
   file->writes = (flags & H5F_ACC_RDWR) != 0;
   file->descriptor = open(
       name,
@@ -158,9 +172,7 @@ herr_t get_handle(H5FD_t* hdf5, hid_t, void** handle) {
   return 0;
 }
 
-herr_t read_file(H5FD_t* hdf5, H5FD_mem_t kind, hid_t, haddr_t address, size_t size, void* buffer) {
-  File& file = of(hdf5);
-  char* bytes = static_cast<char*>(buffer);
+herr_t read_block(File& file, H5FD_mem_t kind, haddr_t address, std::size_t size, char* bytes) {
   if (file.writes || kind == H5FD_MEM_DRAW) return read_at(file, address, size, bytes) ? 0 : -1;
   // Its writer may be at work: what stood at the end counts if it still does. (HDF5 reads a block
   // again whose checksum doesn't hold.)
@@ -178,10 +190,13 @@ herr_t read_file(H5FD_t* hdf5, H5FD_mem_t kind, hid_t, haddr_t address, size_t s
   return 0;
 }
 
-herr_t write_file(H5FD_t* hdf5, H5FD_mem_t kind, hid_t, haddr_t address, size_t size,
-                  const void* buffer) {
-  File& file = of(hdf5);
-  const char* bytes = static_cast<const char*>(buffer);
+herr_t read_file(H5FD_t* hdf5, H5FD_mem_t kind, hid_t, haddr_t address, size_t size, void* buffer) {
+  return unless_memory_fails(
+      [&] { return read_block(of(hdf5), kind, address, size, static_cast<char*>(buffer)); }, -1);
+}
+
+herr_t write_block(File& file, H5FD_mem_t kind, haddr_t address, std::size_t size,
+                   const char* bytes) {
   const haddr_t end = std::max<haddr_t>(file.end, address + size);
   const bool in_place = address < file.end && kind != H5FD_MEM_DRAW;
   if (in_place) {
@@ -196,6 +211,13 @@ herr_t write_file(H5FD_t* hdf5, H5FD_mem_t kind, hid_t, haddr_t address, size_t 
   if (!write_at(file, address, size, bytes)) return -1;
   file.end = end;
   return !in_place || cut(file, end) ? 0 : -1;
+}
+
+herr_t write_file(H5FD_t* hdf5, H5FD_mem_t kind, hid_t, haddr_t address, size_t size,
+                  const void* buffer) {
+  return unless_memory_fails(
+      [&] { return write_block(of(hdf5), kind, address, size, static_cast<const char*>(buffer)); },
+      -1);
 }
 
 // To what HDF5 has handed out.

@@ -363,6 +363,7 @@ SharpSurface extract_sharp_surface(const LayeredTooth& tooth) {
   if (triangles > std::numeric_limits<std::int32_t>::max() / 3)
     throw Error("the surface has " + std::to_string(triangles) +
                 " triangles, more than a mesh file can number; use a larger voxel size");
+  if (triangles == 0) return {};
   tbb::parallel_sort(used.begin(), used.end());
   used.erase(std::unique(used.begin(), used.end()), used.end());
 
