@@ -84,7 +84,7 @@ class ContactModel {
   struct Standing {
     bool inside_tooth = false;  // of the tooth's surface, as a whole
     bool strips = false;        // what crosses it runs along the profile
-    bool slanting = false;      // the tooth's surface, neither along the profile nor across it
+    bool oblique = false;       // the tooth's surface crosses it obliquely
     std::uint8_t only = 0;      // the label of the one tissue that it lies in, or 0
     float share = 0;            // of it in contact, roughly
     // Of each of its pieces what is covered, its middle, and the same of each tissue; see settled_.

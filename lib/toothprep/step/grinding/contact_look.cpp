@@ -14,8 +14,8 @@ constexpr float kSlack = 1.1f;
 // Where the cut's range along a straight profile is below this part of the element's half width,
 // the element is divided around the axis alone.
 constexpr float kAlongWall = 0.1f;
-// The tooth's surface slants across an element if its gradient along the profile lies between these: there strips, which
-// are as long as the element, would tell too little of where it has an edge.
+// The tooth's surface crosses an element obliquely if its gradient along the profile lies between these. Strips are as
+// long as the element, too long to follow an edge of that surface.
 constexpr float kAlongSurface = 0.05f, kAcrossSurface = 0.7f;
 // Beyond the rim of what advances less than this (sine) lies the wall ahead, not a floor.
 constexpr float kAdvancesLittle = 0.02f;
@@ -88,7 +88,7 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
     left_[i] = s.live[p] ? left[p] : kStands * workpiece.band();
     // What it says of the pieces is read only once they are looked at.
     Standing& standing = standing_[i];
-    standing.inside_tooth = standing.strips = standing.slanting = false;
+    standing.inside_tooth = standing.strips = standing.oblique = false;
     standing.only = 0;
     standing.share = 0;
     looked_x_[i] = s.u[p].x(), looked_y_[i] = s.u[p].y(), looked_z_[i] = s.u[p].z();
@@ -231,7 +231,7 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   // A strip is as long as the element: the tooth's surface that crosses it must be known as far.
   const bool known =
       standing.inside_tooth || elements_.half_along[i] + voxel < scan.workpiece.band();
-  standing.strips = (clear < 0 || !standing.slanting) && elements_.curvature_along[i] == 0 &&
+  standing.strips = (clear < 0 || !standing.oblique) && elements_.curvature_along[i] == 0 &&
                     known && s.along[p] < kAlongWall * elements_.half_around[i] &&
                     !floor_at_edge(scan, p, s);
   found_[i] = Found::kCrossed;
@@ -277,7 +277,7 @@ float ContactModel::look_for_tissue(const Scan& scan, int i, const Index3& cell,
                around = magnitude(g.gx * e.tx[i] + g.gy * e.ty[i]);
   const Float4 range = kSlack * (along * e.half_along[i] + around * e.half_around[i]);
   const Float4 extent = range_in_band(value, range, shapes_[i].corner, workpiece) + sag;
-  s.slanting = !s.inside_tooth && along[0] > kAlongSurface && along[0] < kAcrossSurface;
+  s.oblique = !s.inside_tooth && along[0] > kAlongSurface && along[0] < kAcrossSurface;
   if (!s.inside_tooth) {
     if (value[0] >= extent[0]) return -std::max(kStands * (value[0] - extent[0]), kLeastExtent);
     s.inside_tooth = value[0] <= -extent[0];
