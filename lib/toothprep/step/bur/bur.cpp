@@ -126,14 +126,20 @@ void add_elements(SurfaceElements& out, const ProfilePiece& piece, double size, 
   const double length = length_of(piece);
   const int rings = std::max(1, static_cast<int>(std::ceil(length / size - 1e-9)));
   const double dl = length / rings;
+  const auto quarter_of_a_ring = [&](const ProfilePoint& p) {
+    return std::max(2, static_cast<int>(std::ceil(0.5 * kPi * p.r / size - 1e-9)));
+  };
+  std::size_t count = out.size();
+  for (int i = 0; i < rings; ++i)
+    count += 4u * static_cast<std::size_t>(quarter_of_a_ring(point_on(piece, (i + 0.5) / rings)));
+  if (count > 20'000'000u)
+    throw Error("bur elements: a size of " + std::to_string(size) +
+                " mm gives more than 20 million elements; choose a larger one");
   for (int i = 0; i < rings; ++i) {
     const ProfilePoint p = point_on(piece, (i + 0.5) / rings);
-    const int quarter = std::max(2, static_cast<int>(std::ceil(0.5 * kPi * p.r / size - 1e-9)));
+    const int quarter = quarter_of_a_ring(p);
     const double dphi = 0.5 * kPi / quarter;
     const double area = swept_area(piece, double(i) / rings, (i + 1.0) / rings) / (4.0 * quarter);
-    if (out.size() + 4u * quarter > 20'000'000u)
-      throw Error("bur elements: a size of " + std::to_string(size) +
-                  " mm gives more than 20 million elements; choose a larger one");
     // Rings are turned against each other by the golden ratio of their spacing: a plane that the
     // bur meets then switches elements on one by one instead of a whole column at once. Counted
     // from the piece's middle, so that the two halves of a ball mirror each other and their axial
