@@ -19,6 +19,11 @@ constexpr float kRounding = 1e-6f;  // of the speed
 constexpr double kLookAhead = 0.8;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
+constexpr double kGoldenRatio = 0.6180339887498949;
+constexpr double kDoubted = 0.005;  // mm
+// The way's curvature is taken over so much of it, mm. What lies ahead is taken to be straight as long as that bends
+// by less than this (voxels), and no farther than this (mm).
+constexpr double kBendsOver = 0.1, kStraight = 0.005, kFarthest = 0.5;
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
@@ -175,6 +180,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
+  scan.straight = straight_ahead(scan);
   advance(scan);
   const int candidates = choose(scan);
   contact_.clear();
@@ -204,18 +210,47 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
     for (float& left : left_) left -= gone;
   }
   way_ += way;
-  // A cut makes void, and nothing else.
-  if (scan.cuts != sampled_cuts_ || !sampled_ || scan.turns != sampled_turning_)
+  if (!sampled_ || scan.turns != sampled_turning_)
     std::fill(settled_.begin(), settled_.end(), -1.0);
-  if (scan.cuts != sampled_cuts_)
-    for (std::size_t i = 0; i < left_.size(); ++i)
-      if (found_[i] == Found::kInside) left_[i] = -1;
+  else if (scan.cuts != sampled_cuts_)
+    doubt_what_was_found();
   sampled_pose_ = pose;
   sampled_direction_ = scan.direction;
   sampled_speed_ = scan.speed;
   sampled_turning_ = scan.turns;
   sampled_cuts_ = scan.cuts;
   sampled_ = true;
+}
+
+// A cut was put in place: it makes void, and nothing else. It lies behind what is in contact, or hardly beside it, so
+// that this is looked at anew within the next kDoubted of the way, one element after the other rather than all in
+// one step.
+void ContactModel::doubt_what_was_found() noexcept {
+  double turn = 0;
+  for (std::size_t i = 0; i < settled_.size(); ++i) {
+    turn += kGoldenRatio;
+    turn -= std::floor(turn);
+    const double until = turn * kDoubted;
+    settled_[i] = std::min(settled_[i], way_ + until);
+    if (found_[i] == Found::kInside) left_[i] = std::min(left_[i], static_cast<float>(until));
+  }
+}
+
+// How far ahead walls may be taken to run along the motion: those that earlier passes left are as straight as
+// this one has been.
+float ContactModel::straight_ahead(const Scan& scan) noexcept {
+  const double way = way_ - bend_at_;
+  if (scan.turns) {
+    bend_ = 1, bend_at_ = way_, bend_direction_ = Vec3::Zero();
+    return 0;
+  }
+  const double bent = (scan.direction - bend_direction_).norm() / kBendsOver;
+  if (way >= kBendsOver)
+    bend_ = bent * kBendsOver / way, bend_at_ = way_, bend_direction_ = scan.direction;
+  else
+    bend_ = std::max(bend_, bent);
+  const double aside = kStraight * scan.workpiece.voxel();
+  return static_cast<float>(std::min(kFarthest, std::sqrt(2 * aside / std::max(bend_, 1e-6))));
 }
 
 // v·n of every element, and half its range over the element. Where the handle turns, what was found along

@@ -14,7 +14,9 @@
 //
 // The level set of the cut is the deepest of all cuts, and the bur's own last cut, a voxel or two
 // behind it, can hide the wall of an earlier one from the sample at the surface. So a second sample,
-// farther ahead, looks for it. Where the surface is nearly parallel to the motion that sample also
+// farther ahead, looks for it, and a third one where the print is near there too: a wall that runs along
+// the motion is the same there, and where two of them meet in a ridge each is looked at beside it. Where
+// the surface is nearly parallel to the motion that sample also
 // tells fresh tissue, which the bur's own last cut bends away from, from the wall of a slot that is
 // passed again.
 //
@@ -120,6 +122,8 @@ class ContactModel {
   double way_since(const Scan& scan, const Pose& pose) const noexcept;
   bool holds(const Scan& scan, double way) const noexcept;
   void begin(const Scan& scan, const Pose& pose, double way) noexcept;
+  void doubt_what_was_found() noexcept;
+  float straight_ahead(const Scan& scan) noexcept;
   void advance(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
   int add_advancing(const Scan& scan, int candidates) noexcept;
@@ -144,6 +148,12 @@ class ContactModel {
                    KeptCells& farther, Lanes& lanes) const noexcept;
   static AtBorder look_at_border(const Scan& scan, const CutOfPieces& cut, const Borders& borders,
                                  const Place& middle, const Int4& wanted) noexcept;
+  static AtBorder look_at(const Scan& scan, const CutOfPieces& cut, const Float4& x,
+                          const Float4& y, const Place& middle, const Int4& wanted) noexcept;
+  void cover_by_far_wall(const Scan& scan, const CutOfPieces& cut, Lanes& lanes) const noexcept;
+  static void cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
+                           const Place& middle, const Float4& stands_out, const Int4& wanted,
+                           Lanes& lanes) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
@@ -199,6 +209,10 @@ class ContactModel {
   bool sampled_turning_ = false, sampled_ = false;
   std::uint64_t sampled_cuts_ = 0;
   double held_ = 0;  // mm of way for which the last sample stands
+  // Where the way's curvature was last taken, the direction there, and that curvature, 1/mm; it isn't known before
+  // the first of it.
+  double bend_at_ = 0, bend_ = 1;
+  Vec3 bend_direction_ = Vec3::Zero();
 };
 
 // Area of the elements (of a shank, or a head) whose middle lies in tissue, mm², by the nearest voxel.

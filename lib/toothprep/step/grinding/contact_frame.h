@@ -79,6 +79,7 @@ struct ContactModel::Scan {
   bool turns;
   std::uint64_t cuts;                              // number of the cut
   Vec3 direction;                                  // of v, B
+  float straight = 0;                              // mm: so far ahead walls may run along v
   Eigen::Vector3f unit = Eigen::Vector3f::Zero();  // the same, voxels per mm
 
   Eigen::Vector3f unit_of(const Eigen::Vector3f& u, float of_speed) const {
@@ -160,18 +161,19 @@ struct ContactModel::Lanes {
   float speed;                  // mm/s, of the element
   float curvature_along;
   Float4 curvature_around;
-  float edge;            // as of edge_
-  Int4 at_edge;          // -1: the piece lies at that edge
-  Float4 ux, uy, uz;     // velocity, mm/s, B
-  Float4 advance;        // v·n, mm/s
-  Float4 ix, iy, iz;     // index of the sample, from the tip's voxel
-  Float4 fx, fy, fz;     // its place in its cell
-  KeptCells* cells;      // these
-  Int4 live;             // -1: may be in contact, 0: not
-  Float4 share, x, y;    // as of CoveredPart
-  Borders cut, surface;  // what crosses the pieces: the cut, and the tooth's own surface
-  Float4 stays, holds;   // mm of way: until a share may have changed by kStays, and by kHolds
-  int tissue;            // that all of them lie in, or -1: as of_tissue has it
+  float edge;          // as of edge_
+  Int4 at_edge;        // -1: the piece lies at that edge
+  Float4 ux, uy, uz;   // velocity, mm/s, B
+  Float4 advance;      // v·n, mm/s
+  Float4 ix, iy, iz;   // index of the sample, from the tip's voxel
+  Float4 fx, fy, fz;   // its place in its cell
+  KeptCells* cells;    // these
+  Int4 live;           // -1: may be in contact, 0: not
+  Float4 share, x, y;  // as of CoveredPart
+  // What crosses the pieces: the cut, at a ridge its other wall, and the tooth's own surface.
+  Borders cut, beside, surface;
+  Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
+  int tissue;           // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];
 
   void cover(const Int4& where, const CoveredPart<Float4>& part) {

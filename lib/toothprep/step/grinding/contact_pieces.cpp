@@ -3,16 +3,13 @@
 #include <cmath>
 
 #include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/contact_cut.h"
 #include "toothprep/step/grinding/contact_frame.h"
 #include "toothprep/step/grinding/covered_part.h"
 
 namespace toothprep {
 namespace {
 
-// Interpolated on the lattice, the wall that a convex bur left stands out by D²/12 times its
-// curvature on average. A swept wall is curved across the sweep only, and where two cuts meet the
-// interpolant errs to the other side: a third of the sum of the bur's curvatures is least biased.
-constexpr float kWall = 1.0f / 36;
 // Where the surface is this close to parallel to the motion (sine), tissue counts only if the
 // sample farther ahead finds it too: there the surface bends away from fresh tissue, and the wall of
 // a slot that is passed again is as near as ever.
@@ -25,15 +22,12 @@ constexpr float kFresh = 0.5f;
 // the wall of an earlier cut beside the bur lies around the axis.
 constexpr float kEdgeStandsOut = 0.1f;
 constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
-constexpr float kAcross = 10;             // 1 / sine from which on a motion isn't along it any more
 constexpr float kBeside = 4;              // 1 / cosine² up to which an edge lies beside the motion
 // The floor that it left ahead of the bur, likewise.
 constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way at most what was found of a piece stands: between voxels a gradient changes.
 constexpr double kSettledVoxels = 0.1;
-constexpr float kUnbounded = 1e3f;  // mm of way
-// A border may cross a piece where the field in its middle is this many times its half range from zero.
-constexpr float kMayCross = 1.5f;
+constexpr float kUnbounded = 1e3f;    // mm of way
 constexpr float kWithinPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
 // So far ahead (voxels) the bur's own print is out of the way, and a field as steep as this (squared, 1 being a
 // distance) is that of one wall.
@@ -100,7 +94,7 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
                                 bool simple, Lanes& s) noexcept {
   s.cells = &near_[i];
   s.stays = s.holds = all4(kUnbounded);
-  s.cut = s.surface = Borders::none();
+  s.cut = s.beside = s.surface = Borders::none();
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
   if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);
@@ -183,77 +177,13 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
   s.share = s.live ? all4(1) : Float4{};
 }
 
-// Four pieces of an element against the cut: where its field, by what is found of it, divides them.
-struct ContactModel::CutOfPieces {
-  const PieceAxes& axes;
-  float half_along;  // of the pieces, mm
-  Float4 half_around;
-  float curvature_along;
-  Float4 curvature_around;
-  float voxel;         // mm
-  Float4 wall;         // mm; by how much a wall stands out
-  float per_speed;     // s/mm
-  bool may_be_ridges;  // not along straight sides, which are swept as they are
-  Float4 ux, uy, uz;   // velocity, mm/s, B
-
-  CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const Pieces& pieces, int first,
-              const Lanes& s)
-      : axes(piece_axes),
-        half_along(pieces.half_along[first]),
-        half_around(load4(&pieces.half_around[first])),
-        curvature_along(s.curvature_along),
-        curvature_around(s.curvature_around),
-        voxel(static_cast<float>(scan.workpiece.voxel())),
-        wall(kWall * voxel * voxel * (curvature_along + curvature_around)),
-        per_speed(s.speed > 0 ? 1 / s.speed : 0),
-        may_be_ridges(curvature_along != 0 || !any(curvature_around != 0)),
-        ux(s.ux),
-        uy(s.uy),
-        uz(s.uz) {}
-
-  // Of a field with gradient g (B, per mm), its change along the motion.
-  Float4 rise(const FourSamples& g) const {
-    return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);
-  }
-  // Its value at the surface from the sample ahead of it: a wall that was ground before counts no earlier
-  // than it is reached.
-  Float4 at_surface(const FourSamples& found, float reach) const {
-    return found.value + wall - kTakenBack * reach * rise(found);
-  }
-  // Its borders by its value (mm) at the places x, y (-1 .. 1). A wall that was swept along the motion is curved
-  // across it, as the bur is.
-  Borders borders(const Float4& value, const FourSamples& g, const Float4& x,
-                  const Float4& y) const {
-    const Float4 wx = per_speed * (g.gy * uz - g.gz * uy), wy = per_speed * (g.gz * ux - g.gx * uz),
-                 wz = per_speed * (g.gx * uy - g.gy * ux);
-    const Float4 l = axes.along_x * wx + axes.along_y * wy + axes.along_z * wz,
-                 t = axes.around_x * wx + axes.around_y * wy;
-    // What the bur is fed against is its own print, as curved as it is.
-    const Float4 beside = least(wx * wx + wy * wy + wz * wz, all4(1));
-    const Float4 wall_along = beside * (-0.5f * curvature_along) * l * l,
-                 wall_around = beside * (-0.5f * curvature_around) * t * t,
-                 wall_both = beside * (-0.5f * (curvature_along + curvature_around)) * l * t,
-                 bent_along = beside * axes.bent_along(g),
-                 bent_around = beside * axes.bent_around(g);
-    const Float4 straight_along = axes.along(g), straight_around = axes.around(g);
-    const Float4 along = straight_along - 2 * wall_along * x - wall_both * y,
-                 around = straight_around - 2 * wall_around * y - wall_both * x;
-    const Float4 widens = axes.widening * straight_around;
-    const Float4 middle = value - straight_along * x - straight_around * y +
-                          (wall_both - widens) * x * y + (wall_along - bent_along) * x * x +
-                          (wall_around - bent_around) * y * y;
-    return {straightened(middle, along, around, bent_along + wall_along, bent_around + wall_around,
-                         widens + wall_both),
-            along, around};
-  }
-};
-
 // The part of each piece that is covered by what remains under the cut.
 void ContactModel::cover(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
                          KeptCells& farther, Lanes& s) const noexcept {
   const CutOfPieces cut(scan, axes, pieces, first, s);
   const Float4 surface = cover_here(scan, cut, s);
   if (any(s.live)) cover_ahead(scan, cut, surface, farther, s);
+  if (any(s.live)) cover_by_far_wall(scan, cut, s);
 }
 
 // As it is at the surface: a wall that was ground before counts no earlier than it is reached. Returns the cut's
@@ -289,6 +219,13 @@ ContactModel::AtBorder ContactModel::look_at_border(const Scan& scan, const CutO
       -borders.value /
       greatest(borders.along * by_along + borders.around * by_around, all4(kLeastExtent));
   const Float4 x = within(way * by_along, kWithinPiece), y = within(way * by_around, kWithinPiece);
+  return look_at(scan, cut, x, y, middle, wanted);
+}
+
+// The cut at the places x, y (-1 .. 1) of four pieces; `middle`: theirs, from the tip's voxel.
+ContactModel::AtBorder ContactModel::look_at(const Scan& scan, const CutOfPieces& cut,
+                                             const Float4& x, const Float4& y, const Place& middle,
+                                             const Int4& wanted) noexcept {
   const PieceAxes& axes = cut.axes;
   const Float4 xx = x * x, yy = y * y, wide = y * (1 + axes.widening * x);
   const Float4 dx = axes.along_x * x + axes.around_x * wide + axes.bent_along_x * xx +

@@ -6,6 +6,7 @@
 #include <emmintrin.h>
 #endif
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -41,6 +42,13 @@ template <class T>
 template <class T>
 [[nodiscard]] inline T turned_where_negative(T a, T x) noexcept {
   return a < 0 ? -x : x;
+}
+[[nodiscard]] inline Float4 square_root(Float4 a) noexcept {
+#if defined(__SSE2__)
+  return _mm_sqrt_ps(a);
+#else
+  return Float4{std::sqrt(a[0]), std::sqrt(a[1]), std::sqrt(a[2]), std::sqrt(a[3])};
+#endif
 }
 #if defined(__SSE2__)
 // The same by one instruction each, which GCC doesn't find by itself.
