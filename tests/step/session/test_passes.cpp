@@ -58,7 +58,6 @@ TEST(OverlappingPasses, ABurFedByThirdsOfAMicrometreFeelsWhatAFastOneDoes) {
   }
 }
 
-// The first two passes.
 TEST(OverlappingPasses, WorkIsThreeTimesCloserAtHalfOfThat) {
   for (const Passes& p : selection()) expect_right(p, errors_of(p, 0.05, 0.003, 0.0005));
 }
