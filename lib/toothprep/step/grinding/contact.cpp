@@ -19,8 +19,7 @@ constexpr float kRounding = 1e-6f;  // of the speed
 constexpr double kLookAhead = 0.8;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
-constexpr double kGoldenRatio = 0.6180339887498949;
-constexpr double kDoubted = 0.005;  // mm
+constexpr double kDoubted = 0.005;  // mm of way after a cut, within which all is looked at anew
 // The way's curvature is taken over so much of it, mm. What lies ahead is taken to be straight as long as that bends
 // by less than this (voxels), and no farther than this (mm).
 constexpr double kBendsOver = 0.1, kStraight = 0.005, kFarthest = 0.5;
@@ -226,11 +225,9 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
 // that this is looked at anew within the next kDoubted of the way, one element after the other rather than all in
 // one step.
 void ContactModel::doubt_what_was_found() noexcept {
-  double turn = 0;
-  for (std::size_t i = 0; i < settled_.size(); ++i) {
-    turn += kGoldenRatio;
-    turn -= std::floor(turn);
-    const double until = turn * kDoubted;
+  const std::size_t n = settled_.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const double until = kDoubted * static_cast<double>(i) / static_cast<double>(n);
     settled_[i] = std::min(settled_[i], way_ + until);
     if (found_[i] == Found::kInside) left_[i] = std::min(left_[i], static_cast<float>(until));
   }

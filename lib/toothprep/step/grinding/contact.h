@@ -16,9 +16,8 @@
 // behind it, can hide the wall of an earlier one from the sample at the surface. So a second sample,
 // farther ahead, looks for it, and a third one where the print is near there too: a wall that runs along
 // the motion is the same there, and where two of them meet in a ridge each is looked at beside it. Where
-// the surface is nearly parallel to the motion that sample also
-// tells fresh tissue, which the bur's own last cut bends away from, from the wall of a slot that is
-// passed again.
+// the surface is nearly parallel to the motion the second sample also tells fresh tissue, which the bur's
+// own last cut bends away from, from the wall of a slot that is passed again.
 //
 // Where two walls meet within a piece, the value in its middle doesn't tell where it is divided; it is looked
 // at where the border should be. Where the cut and the tooth's own surface cross the same piece, what lies

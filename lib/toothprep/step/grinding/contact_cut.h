@@ -27,6 +27,8 @@ struct ContactModel::CutOfPieces {
   float per_speed;     // s/mm
   bool may_be_ridges;  // not along straight sides, which are swept as they are
   Float4 ux, uy, uz;   // velocity, mm/s, B
+  Float4 vl, vt;       // its direction's parts along the profile and around the axis
+  Float4 bend;         // 1/mm, of the surface along the motion, where it is convex
 
   CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const Pieces& pieces, int first,
               const Lanes& s)
@@ -41,7 +43,10 @@ struct ContactModel::CutOfPieces {
         may_be_ridges(curvature_along != 0 || !any(curvature_around != 0)),
         ux(s.ux),
         uy(s.uy),
-        uz(s.uz) {}
+        uz(s.uz),
+        vl((ux * axes.along_x + uy * axes.along_y + uz * axes.along_z) * (per_speed / half_along)),
+        vt((ux * axes.around_x + uy * axes.around_y) * (per_speed / half_around)),
+        bend(greatest(curvature_along * vl * vl + curvature_around * vt * vt, Float4{})) {}
 
   // Of a field with gradient g (B, per mm), its change along the motion.
   Float4 rise(const FourSamples& g) const {

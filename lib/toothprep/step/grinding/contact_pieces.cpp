@@ -259,12 +259,6 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   const Float4 value = farther.live ? there.value + cut.wall : all4(-1e3f);
   const Float4 rise = cut.rise(there), back = value - look_ahead * rise;
   const Float4 range_along = axes.along(there), range_around = axes.around(there);
-  // How much the surface is curved along the motion.
-  const Float4 vl = (s.ux * axes.along_x + s.uy * axes.along_y + s.uz * axes.along_z) *
-                    (cut.per_speed / cut.half_along),
-               vt = (s.ux * axes.around_x + s.uy * axes.around_y) *
-                    (cut.per_speed / cut.half_around);
-  const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{});
   const Float4 towards_edge = range_along * range_along;
   // What an edge left runs along the motion.
   const Float4 across = kAcross * magnitude(rise);
@@ -273,10 +267,10 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
                                                   all4(kLeastExtent * kLeastExtent))
                                    : Float4{};
   const Float4 fresh =
-      (kFresh * 0.5f * look * look) * bend +
+      (kFresh * 0.5f * look * look) * cut.bend +
       (s.at_edge ? all4(kFresh * look * cut.per_speed) : Float4{}) * greatest(s.advance, Float4{});
   // Of a flat end only beside the axis, where floor and wall of its slot meet.
-  const Float4 beside = kt != 0 ? all4(1) : greatest(1 - kBeside * vl * vl, Float4{});
+  const Float4 beside = kt != 0 ? all4(1) : greatest(1 - kBeside * cut.vl * cut.vl, Float4{});
   const Float4 stands_out =
       kWallAtMost * voxel * voxel * (ka + kt) + kEdgeStandsOut * voxel * of_edge * beside;
   Float4 hidden = least(least(value, back), surface);

@@ -19,8 +19,6 @@ constexpr float kFromPrint = 2.5f;
 constexpr float kOneWall = 0.8f, kAlong = 30;
 // Of a piece that less than this was found to be covered of, a wall takes off, and adds nothing.
 constexpr float kLeastWithWall = 0.05f;
-// On average the interpolant of a wall with this curvature is off by D² times it.
-constexpr float kSwept = 1.0f / 12;
 // The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, and
 // they meet in one if each lies that far (voxels) within the other.
 constexpr float kAside = 1.5f, kApart = 0.05f;
@@ -37,19 +35,12 @@ Int4 is_one_wall(const FourSamples& g, const Float4& rise) {
 // nearer samples found.
 void ContactModel::cover_by_far_wall(const Scan& scan, const CutOfPieces& cut,
                                      Lanes& s) const noexcept {
-  const PieceAxes& axes = cut.axes;
-  const float voxel = cut.voxel, ka = cut.curvature_along;
-  const Float4& kt = cut.curvature_around;
+  const float voxel = cut.voxel;
   // The print falls behind by `advance` of the way, and by its curvature along the motion.
-  const Float4 vl = (s.ux * axes.along_x + s.uy * axes.along_y + s.uz * axes.along_z) *
-                    (cut.per_speed / cut.half_along),
-               vt = (s.ux * axes.around_x + s.uy * axes.around_y) *
-                    (cut.per_speed / cut.half_around);
-  const Float4 bend = greatest(ka * vl * vl + kt * vt * vt, Float4{}),
-               advance = greatest(s.advance * cut.per_speed, Float4{});
+  const Float4 advance = greatest(s.advance * cut.per_speed, Float4{});
   const float from_print = kFromPrint * voxel;
   const Float4 way = 2 * from_print /
-                     greatest(advance + square_root(advance * advance + 2 * from_print * bend),
+                     greatest(advance + square_root(advance * advance + 2 * from_print * cut.bend),
                               all4(kLeastExtent)),
                look = least(way, all4(scan.straight));
   const Int4 wanted = s.live & (s.share > kLeastShare) & (look > static_cast<float>(look_ahead_));
@@ -65,10 +56,12 @@ void ContactModel::cover_by_far_wall(const Scan& scan, const CutOfPieces& cut,
   const FourSamples there = f.gradients(cells.cells.at(at.fx, at.fy, at.fz));
   // The wall that a surface leaves which is swept along itself has no curvature that way, and all of the
   // surface's Gaussian one.
-  const Float4 along = vl * vl + vt * vt,
-               of_motion = (ka * vl * vl + kt * vt * vt) / greatest(along, all4(kLeastExtent)),
+  const Float4 of_motion =
+                   cut.bend / greatest(cut.vl * cut.vl + cut.vt * cut.vt, all4(kLeastExtent)),
+               gaussian = cut.curvature_along * cut.curvature_around,
                stands_out = greatest(
-                   kSwept * voxel * voxel * ka * kt / greatest(of_motion, all4(kFlat)), cut.wall);
+                   kWallAtMost * voxel * voxel * gaussian / greatest(of_motion, all4(kFlat)),
+                   cut.wall);
   const Float4 value = there.value + stands_out;
   Borders border = cut.borders(value, there, Float4{}, Float4{});
   const Int4 crossed =
