@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -305,6 +306,32 @@ TEST(MitredDistances, OfPointsInABallAreThoseOfEachPoint) {
         kernel.run_near(outline, ball, r.data(), z.data(), near.data());
         EXPECT_EQ(near, each) << bur.name() << ", " << kernel.name;
       }
+    }
+  }
+}
+
+TEST(PlacesOfBlock, AreThoseInTheBursFrameAndTheSameToTheLastBitForEveryProcessor) {
+  Random random(11);
+  const auto any = [&] { return random.within(-1, 1); };
+  for (int k = 0; k < 200; ++k) {
+    const Mat3 to_bur =
+        random.within(0.02, 0.1) * Quat(any(), any(), any(), any()).normalized().toRotationMatrix();
+    const Vec3 first = 30 * Vec3(any(), any(), any());
+    std::array<float, 9> m;
+    Eigen::Map<Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(m.data()) = to_bur.cast<float>();
+    const Eigen::Vector3f from = first.cast<float>();
+    std::array<float, kDistanceBlock> r, z, kernels_r, kernels_z;
+    places_of_block(m.data(), from.data(), r.data(), z.data());
+    for (int p = 0; p < kDistanceBlock; ++p) {
+      const Vec3 at = to_bur * (first + Vec3(p / 16, p / 4 % 4, p % 4));
+      // A handful of roundings of lengths below 6 mm.
+      EXPECT_NEAR(r[p], std::hypot(at.x(), at.y()), 4e-6);
+      EXPECT_NEAR(z[p], at.z(), 4e-6);
+    }
+    for (const DistanceKernel& kernel : distance_kernels()) {
+      kernel.places(m.data(), from.data(), kernels_r.data(), kernels_z.data());
+      EXPECT_EQ(kernels_r, r) << kernel.name;
+      EXPECT_EQ(kernels_z, z) << kernel.name;
     }
   }
 }

@@ -62,8 +62,13 @@ struct DistanceOutline {
 struct DistanceBall {
   float r, z, radius;  // mm
 };
-// How many these are.
-constexpr int kDistanceBlock = 64;
+// How many these are: a block of a lattice, so many along each of its axes.
+constexpr int kBlockEdge = 4;  // voxels
+constexpr int kDistanceBlock = kBlockEdge * kBlockEdge * kBlockEdge;
+
+// Of such a block the points' distances r from the bur's axis and places z along it, mm: point (i, j, k), k
+// fastest, lies at to_bur (first + (i, j, k)), B. `first` in voxels; `to_bur` in mm per voxel, row by row.
+void places_of_block(const float* to_bur, const float* first, float* r, float* z) noexcept;
 
 class Bur {  // immutable; lengths in mm, frame B; may be read from several threads
  public:

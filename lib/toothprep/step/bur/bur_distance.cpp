@@ -14,6 +14,7 @@
 // SSE2 and for AVX2 without fused multiply-add; each point's operations are the same in both, and so
 // are the bits of its distance (tests/step/bur/test_distance.cpp).
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -203,12 +204,14 @@ TOOTHPREP_INLINE void signed_distances_near(const DistanceOutline<float>& outlin
                                             const DistanceBall& ball, const float* r,
                                             const float* z, float* out) {
   const NearPieces near(outline, ball);
+  // 0, which the compiler doesn't know: it would have the processor fill the array byte by byte (`rep stos`).
+  const int outside = ball.radius < 0 ? 1 : 0;
   float squared[N];
   int inside[N];
   TOOTHPREP_KEEP_LOOP
   for (int i = 0; i < N; ++i) {
     squared[i] = std::numeric_limits<float>::max();
-    inside[i] = 0;
+    inside[i] = outside;
   }
   for (const auto& p : outline.lines)
     if (near.may_be_nearest(p))
@@ -235,6 +238,27 @@ TOOTHPREP_INLINE void signed_distances_near(const DistanceOutline<float>& outlin
     if (near.may_be_nearest(c)) mitre<N, float>(c, r, z, out);
 }
 
+// Of each point of a block how far it is from the first along each axis, voxels.
+constexpr auto kSteps = [] {
+  std::array<std::array<float, kDistanceBlock>, 3> steps{};
+  for (int p = 0; p < kDistanceBlock; ++p)
+    for (int axis = 2, rest = p; axis >= 0; --axis, rest /= kBlockEdge)
+      steps[axis][p] = static_cast<float>(rest % kBlockEdge);
+  return steps;
+}();
+
+TOOTHPREP_INLINE void places(const float* to_bur, const float* first, float* r, float* z) {
+  std::array<float, 9> m;  // copies: the outputs can't alias them
+  std::copy(to_bur, to_bur + 9, m.begin());
+  const float first_x = first[0], first_y = first[1], first_z = first[2];
+  for (int p = 0; p < kDistanceBlock; ++p) {
+    const float x = first_x + kSteps[0][p], y = first_y + kSteps[1][p], w = first_z + kSteps[2][p];
+    const float bx = m[0] * x + m[1] * y + m[2] * w, by = m[3] * x + m[4] * y + m[5] * w;
+    r[p] = std::sqrt(bx * bx + by * by);
+    z[p] = m[6] * x + m[7] * y + m[8] * w;
+  }
+}
+
 TOOTHPREP_INLINE void distances_by_block(const DistanceOutline<float>& outline, const float* r,
                                          const float* z, float* out, int n) {
   int i = 0;
@@ -255,6 +279,9 @@ void plain_near(const DistanceOutline<float>& outline, const DistanceBall& ball,
                 const float* z, float* out) {
   signed_distances_near<kDistanceBlock>(outline, ball, r, z, out);
 }
+void plain_places(const float* to_bur, const float* first, float* r, float* z) {
+  places(to_bur, first, r, z);
+}
 
 #if defined(__x86_64__) && defined(__GNUC__)
 __attribute__((target("avx2"))) void with_avx2(const DistanceOutline<float>& outline,
@@ -266,13 +293,17 @@ __attribute__((target("avx2"))) void near_with_avx2(const DistanceOutline<float>
                                                     const float* z, float* out) {
   signed_distances_near<kDistanceBlock>(outline, ball, r, z, out);
 }
+__attribute__((target("avx2"))) void places_with_avx2(const float* to_bur, const float* first,
+                                                      float* r, float* z) {
+  places(to_bur, first, r, z);
+}
 #endif
 
 // Chosen when the program is loaded: a tick must neither allocate nor wait for another's choice.
-const DistanceKernel kPlain = {"plain", plain, plain_near};
+const DistanceKernel kPlain = {"plain", plain, plain_near, plain_places};
 #if defined(__x86_64__) && defined(__GNUC__)
 const DistanceKernel kFastest =
-    has_avx2() ? DistanceKernel{"fastest", with_avx2, near_with_avx2} : kPlain;
+    has_avx2() ? DistanceKernel{"fastest", with_avx2, near_with_avx2, places_with_avx2} : kPlain;
 #else
 const DistanceKernel kFastest = kPlain;
 #endif
@@ -298,6 +329,10 @@ void Bur::mitred_distances(const float* r, const float* z, float* out, int n) co
 void Bur::mitred_distances_near(const DistanceBall& ball, const float* r, const float* z,
                                 float* out) const noexcept {
   kFastest.run_near(fast_, ball, r, z, out);
+}
+
+void places_of_block(const float* to_bur, const float* first, float* r, float* z) noexcept {
+  kFastest.places(to_bur, first, r, z);
 }
 
 }  // namespace toothprep

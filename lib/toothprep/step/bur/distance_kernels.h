@@ -14,6 +14,7 @@ struct DistanceKernel {
               int n);
   void (*run_near)(const DistanceOutline<float>& outline, const DistanceBall& ball, const float* r,
                    const float* z, float* out);
+  void (*places)(const float* to_bur, const float* first, float* r, float* z);
 };
 
 // Those that this processor runs, the fastest last.

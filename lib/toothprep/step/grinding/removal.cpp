@@ -28,8 +28,7 @@ constexpr double kSubPoses = 0.55;
 constexpr double kRidge = 0.03;
 // Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
 // judged by their centre.
-constexpr int kBlockEdge = 4;
-constexpr int kBlockRows = kBlockEdge * kBlockEdge, kBlockVoxels = kBlockRows * kBlockEdge;
+constexpr int kBlockRows = kBlockEdge * kBlockEdge, kBlockVoxels = kDistanceBlock;
 constexpr int kBlocks = kBrickVoxels / kBlockVoxels;
 constexpr float kDistanceRounding = 1e-5f;  // mm, of distances in single precision
 constexpr float kSurface = 0.501f;  // voxels: a voxel that is nearer to a surface is crossed by it
@@ -475,24 +474,11 @@ void Removal::put_block(int block, const float* deepest, UnderWay& b) noexcept {
 // changed.
 bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset,
                           float* deepest) noexcept {
-  static_assert(kBlockVoxels == kDistanceBlock);
   alignas(32) float r[kBlockVoxels], z[kBlockVoxels], d[kBlockVoxels];
-  const float* m = s.to_bur;
-  for (int i = 0; i < kBlockEdge; ++i)
-    for (int j = 0; j < kBlockEdge; ++j) {
-      const float x = offset.x() + static_cast<float>(i), y = offset.y() + static_cast<float>(j);
-      const float rx = m[0] * x + m[1] * y, ry = m[3] * x + m[4] * y, rz = m[6] * x + m[7] * y;
-      const int row = kBlockEdge * (kBlockEdge * i + j);
-      for (int k = 0; k < kBlockEdge; ++k) {
-        const float w = offset.z() + static_cast<float>(k);
-        const float bx = rx + m[2] * w, by = ry + m[5] * w;
-        r[row + k] = std::sqrt(bx * bx + by * by);
-        z[row + k] = rz + m[8] * w;
-      }
-    }
+  places_of_block(s.to_bur, offset.data(), r, z);
   const auto half = static_cast<float>(kHalfBlock * workpiece_.voxel());
   DistanceBall ball{0, 0, half + kDistanceRounding};
-  put_place(m, offset + Eigen::Vector3f::Constant(kHalfEdge), ball.r, ball.z);
+  put_place(s.to_bur, offset + Eigen::Vector3f::Constant(kHalfEdge), ball.r, ball.z);
   bur_.mitred_distances_near(ball, r, z, d);
   int deeper = 0;
   for (int v = 0; v < kBlockVoxels; ++v) {
