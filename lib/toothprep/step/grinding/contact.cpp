@@ -97,6 +97,7 @@ void ContactModel::note_edges(const Bur& bur) {
       if (std::hypot(to_r, to_z) > 1.1 * static_cast<double>(e.half_along[i])) continue;
       const double along_r = (e.lx[i] * e.x[i] + e.ly[i] * e.y[i]) / r;
       edge_[i] = to_r * along_r + to_z * e.lz[i] < 0 ? -1 : 1;
+      has_edges_ = true;
     }
 }
 

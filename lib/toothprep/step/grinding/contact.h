@@ -15,9 +15,9 @@
 // The level set of the cut is the deepest of all cuts, and the bur's own last cut, a voxel or two
 // behind it, can hide the wall of an earlier one from the sample at the surface. So a second sample,
 // farther ahead, looks for it, and a third one where the print is near there too: a wall that runs along
-// the motion is the same there, and where two of them meet in a ridge each is looked at beside it. Where
-// the surface is nearly parallel to the motion the second sample also tells fresh tissue, which the bur's
-// own last cut bends away from, from the wall of a slot that is passed again.
+// the motion is the same there, and where two of them meet in a ridge or a groove, which the lattice rounds,
+// each is looked at beside it. Where the surface is nearly parallel to the motion the second sample also tells
+// fresh tissue, which the bur's own last cut bends away from, from the wall of a slot that is passed again.
 //
 // Where two walls meet within a piece, the value in its middle doesn't tell where it is divided; it is looked
 // at where the border should be. Where the cut and the tooth's own surface cross the same piece, what lies
@@ -104,6 +104,7 @@ class ContactModel {
   struct CutOfPieces;
   struct Place;
   struct AtBorder;
+  struct Probe;
   // Four elements under way that are looked at as a whole.
   struct Look;
   // What a look needs to know of an element, four numbers at a time (mm, B).
@@ -149,7 +150,14 @@ class ContactModel {
                                  const Place& middle, const Int4& wanted) noexcept;
   static AtBorder look_at(const Scan& scan, const CutOfPieces& cut, const Float4& x,
                           const Float4& y, const Place& middle, const Int4& wanted) noexcept;
-  void cover_by_far_wall(const Scan& scan, const CutOfPieces& cut, Lanes& lanes) const noexcept;
+  void cover_by_far_walls(const Scan& scan, const CutOfPieces& cut, const Int4& may_count,
+                          Lanes& lanes) const noexcept;
+  static void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                            const Int4& wanted, Lanes& lanes) noexcept;
+  static void cover_grooves(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                            const Int4& wanted, Lanes& lanes) noexcept;
+  static Int4 is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
+                        const Probe& other) noexcept;
   static void cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
                            const Place& middle, const Float4& stands_out, const Int4& wanted,
                            Lanes& lanes) noexcept;
@@ -171,6 +179,7 @@ class ContactModel {
   // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
   std::vector<float> edge_;  // which way along the profile a sharp edge lies at it: 1, -1, or 0
+  bool has_edges_ = false;
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each

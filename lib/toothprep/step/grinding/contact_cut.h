@@ -12,8 +12,20 @@ namespace toothprep {
 constexpr float kWall = 1.0f / 36;
 // A wall is along the motion where the sine of the angle between them is below 1 over this.
 constexpr float kAcross = 10;
+// And so much along it where the sine is below 1 over this that it may be looked for farther ahead: where a cavity's
+// wall bends, nearer ones are seen.
+constexpr float kAlong = 30;
+constexpr float kFlat = 1e-3f;  // 1/mm; keeps a division defined
 // A border may cross a piece where the field in its middle is this many times its half range from zero.
 constexpr float kMayCross = 1.5f;
+
+// Of walls that stand alone a chip thinner than this (voxels) may be none.
+constexpr float kThinChip = 0.02f;
+// By how much (mm) a wall must stand out that makes a chip as thick as this (mm): one thinner than `most` may be
+// none, and from twice as much on it counts as a whole, so that a chip isn't made thinner.
+inline Float4 doubt_of_thin(const Float4& thick, float most) {
+  return greatest(least(2 * most - thick, all4(most)), Float4{});
+}
 
 // Four pieces of an element against the cut: where its field, by what is found of it, divides them.
 struct ContactModel::CutOfPieces {
@@ -51,6 +63,14 @@ struct ContactModel::CutOfPieces {
   // Of a field with gradient g (B, per mm), its change along the motion.
   Float4 rise(const FourSamples& g) const {
     return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);
+  }
+  // By how much a wall stands out on the lattice that the surface leaves when it is swept along itself: that has no
+  // curvature that way, and all of the surface's Gaussian one.
+  Float4 swept_wall() const {
+    const Float4 of_motion = bend / greatest(vl * vl + vt * vt, all4(kLeastExtent)),
+                 gaussian = curvature_along * curvature_around;
+    return greatest(kWallAtMost * voxel * voxel * gaussian / greatest(of_motion, all4(kFlat)),
+                    wall);
   }
   // Its value at the surface from the sample ahead of it: a wall that was ground before counts no earlier
   // than it is reached.

@@ -154,6 +154,11 @@ struct ContactModel::Place {
 struct ContactModel::AtBorder {
   Float4 x, y;
   FourSamples sample;
+  void replace(const Int4& where, const AtBorder& by) {
+    x = where ? by.x : x;
+    y = where ? by.y : y;
+    sample.replace(where, by.sample);
+  }
 };
 
 struct ContactModel::Lanes {
@@ -170,12 +175,21 @@ struct ContactModel::Lanes {
   KeptCells* cells;    // these
   Int4 live;           // -1: may be in contact, 0: not
   Float4 share, x, y;  // as of CoveredPart
-  // What crosses the pieces: the cut, at a ridge its other wall, and the tooth's own surface.
+  // What crosses the pieces: the cut, at a ridge or in a groove its other wall, and the tooth's own surface.
   Borders cut, beside, surface;
+  Int4 groove;          // -1: those two walls make one, so that what lies under either is tissue
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
   int tissue;           // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];
 
+  // What is covered of piece p, under the tooth's surface and another line.
+  CoveredPart<float> under_all(int p, const DividingLine& other) const {
+    const DividingLine cut_line = cut.line(p), beside_line = beside.line(p),
+                       of_tooth = surface.line(p);
+    if (!groove[p]) return covered_by_all({cut_line, beside_line, of_tooth, other});
+    return without(covered_by_all({of_tooth, other}),
+                   covered_by_all({cut_line.turned(), beside_line.turned(), of_tooth, other}));
+  }
   void cover(const Int4& where, const CoveredPart<Float4>& part) {
     share = where ? part.share : share;
     x = where ? part.x : x;

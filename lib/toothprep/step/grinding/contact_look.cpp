@@ -19,6 +19,10 @@ constexpr float kAlongWall = 0.1f;
 constexpr float kAlongSurface = 0.05f, kAcrossSurface = 0.7f;
 // Beyond the rim of what advances less than this (sine) lies the wall ahead, not a floor.
 constexpr float kAdvancesLittle = 0.02f;
+// The floor at a sharp edge is looked at so far beside it (voxels), if the profile lies across the motion (sine). It is
+// one if it is as steep as this (squared), runs along the motion (1 over the sine) and lies that far (voxels) above.
+constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFloor = 30,
+                kThinFloor = 0.02f;
 // So far within a cut (voxels) a corner is in the void, whatever the lattice rounds.
 constexpr float kCornerInVoid = 0.05f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
@@ -169,8 +173,25 @@ bool ContactModel::floor_at_edge(const Scan& scan, int p, const Look& s) const n
   const float way = edge_[i] * e.half_along[i];
   const Eigen::Vector3f end = Eigen::Vector3f(s.at_x[p], s.at_y[p], s.at_z[p]) +
                               scan.frame.turned(way * e.lx[i], way * e.ly[i], way * e.lz[i]);
-  return field_at(scan.workpiece.cut(), scan.frame.base, end).value <
-         -kRounded * static_cast<float>(scan.workpiece.voxel());
+  const LevelSet& cut = scan.workpiece.cut();
+  const auto voxel = static_cast<float>(scan.workpiece.voxel());
+  if (field_at(cut, scan.frame.base, end).value < -kRounded * voxel) return true;
+  // The wall rounds the floor. Beside it, across the motion and clear of the bur's own print, the floor stands alone.
+  const float far = scan.straight - scan.reach;
+  const Eigen::Vector3f profile = scan.frame.turned(e.lx[i], e.ly[i], e.lz[i]),
+                        across = s.unit[p].cross(profile);
+  if (!(far > 0) || !(across.norm() > kAcrossProfile * s.unit[p].norm() * profile.norm()))
+    return false;
+  for (const float voxels : {-kBesideEdge, kBesideEdge}) {
+    const Eigen::Vector3f aside = voxels * across.normalized();
+    const FieldSample floor = field_at(cut, scan.frame.base, end + far * s.unit[p] + aside);
+    const Eigen::Vector3f g(floor.gx, floor.gy, floor.gz);
+    const float rise = g.dot(s.unit[p].normalized());
+    if (g.squaredNorm() > kSteep * voxel * voxel && kAlongFloor * std::abs(rise) < voxel &&
+        floor.value - g.dot(aside) < -kThinFloor * voxel)
+      return true;
+  }
+  return false;
 }
 
 // The tissue of one of them.

@@ -38,12 +38,9 @@ constexpr float kLeastBesideRidge = 0.05f;
 constexpr float kVariance = 1.0f / 3;
 
 // By how much (mm) the floor that a sharp edge left is too high at that edge, from the field's value in
-// the middle of pieces there and its rise from the edge to the middle. Only a thin chip can be such a
-// floor: one twice as thick as it stands out counts as a whole.
+// the middle of pieces there and its rise from the edge to the middle.
 Float4 floor_too_high(const Float4& value, const Float4& rise, float voxel) {
-  const float most = kFloorStandsOut * voxel;
-  const Float4 thick = rise - value;
-  return rise > 0 ? greatest(least(2 * most - thick, all4(most)), Float4{}) : Float4{};
+  return rise > 0 ? doubt_of_thin(rise - value, kFloorStandsOut * voxel) : Float4{};
 }
 
 Float4 within(const Float4& value, float bound) {
@@ -95,6 +92,7 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   s.cells = &near_[i];
   s.stays = s.holds = all4(kUnbounded);
   s.cut = s.beside = s.surface = Borders::none();
+  s.groove = Int4{};
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
   if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);
@@ -181,9 +179,10 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
 void ContactModel::cover(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
                          KeptCells& farther, Lanes& s) const noexcept {
   const CutOfPieces cut(scan, axes, pieces, first, s);
+  const Int4 may_count = s.live;
   const Float4 surface = cover_here(scan, cut, s);
   if (any(s.live)) cover_ahead(scan, cut, surface, farther, s);
-  if (any(s.live)) cover_by_far_wall(scan, cut, s);
+  cover_by_far_walls(scan, cut, may_count, s);
 }
 
 // As it is at the surface: a wall that was ground before counts no earlier than it is reached. Returns the cut's

@@ -41,8 +41,7 @@ PerTissue<float> blend_of_labels(const LabelGrid& labels, std::int64_t brick, co
 void ContactModel::cover_both(const Int4& where, Lanes& s) noexcept {
   for (int p = 0; p < kPieces; ++p) {
     if (!where[p]) continue;
-    const CoveredPart<float> part =
-        covered_by_all({s.cut.line(p), s.beside.line(p), s.surface.line(p)});
+    const CoveredPart<float> part = s.under_all(p, DividingLine::none());
     s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
   }
 }
@@ -112,8 +111,7 @@ void ContactModel::share_tissues(const Scan& scan, const PieceAxes& axes, const 
       CoveredPart<Float4>& part = s.of_tissue[k];
       for (int p = 0; p < kPieces; ++p) {
         if (!crossed[p] || !(part.share[p] > 0)) continue;
-        const CoveredPart<float> under = covered_by_all(
-            {s.cut.line(p), s.beside.line(p), s.surface.line(p), borders[k].line(p)});
+        const CoveredPart<float> under = s.under_all(p, borders[k].line(p));
         part.share[p] = under.share, part.x[p] = under.x, part.y[p] = under.y;
       }
       sum += part.share;

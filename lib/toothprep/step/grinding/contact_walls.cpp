@@ -12,17 +12,19 @@
 namespace toothprep {
 namespace {
 
-// The sample lies where the bur's own print is so far away (voxels).
-constexpr float kFromPrint = 2.5f;
-// A field as steep as this (squared, 1 being a distance) is that of one wall, and that runs along the motion where
-// the sine of the angle between them is below 1 over this: where a cavity's wall bends, nearer ones are seen.
-constexpr float kOneWall = 0.8f, kAlong = 30;
-// Of a piece that less than this was found to be covered of, a wall takes off, and adds nothing.
-constexpr float kLeastWithWall = 0.05f;
-// The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, and
-// they meet in one if each lies that far (voxels) within the other.
+// The samples lie where the bur's own print is so far away (voxels), of a wall and of what is looked at beside a
+// groove.
+constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
+// A field as steep as this (squared, 1 being a distance) is that of one wall.
+constexpr float kOneWall = 0.8f;
+// Of a piece that less than this was found to be covered of, a wall takes off. It adds to it only at a sharp edge and on
+// a flat end, where it crosses the surface at more than this angle (sine squared): else it may be what this part of the
+// bur left itself. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
+// that the end itself leaves when it leans.
+constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
+// The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, twice as far if
+// there isn't one wall yet, and they meet in one if each lies that far (voxels) within the other.
 constexpr float kAside = 1.5f, kApart = 0.05f;
-constexpr float kFlat = 1e-3f;  // 1/mm; keeps a division defined
 
 // Whether a field is that of one wall, along the motion by its rise.
 Int4 is_one_wall(const FourSamples& g, const Float4& rise) {
@@ -31,58 +33,74 @@ Int4 is_one_wall(const FourSamples& g, const Float4& rise) {
 
 }  // namespace
 
-// Where the sample farther ahead finds a wall along the motion that crosses a piece, it divides the piece, whatever
-// nearer samples found.
-void ContactModel::cover_by_far_wall(const Scan& scan, const CutOfPieces& cut,
-                                     Lanes& s) const noexcept {
-  const float voxel = cut.voxel;
+// Walls along the motion that the samples at the surface and ahead don't tell of. `may_count`: the pieces that do
+// if they are covered.
+void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
+                                      const Int4& may_count, Lanes& s) const noexcept {
   // The print falls behind by `advance` of the way, and by its curvature along the motion.
   const Float4 advance = greatest(s.advance * cut.per_speed, Float4{});
-  const float from_print = kFromPrint * voxel;
-  const Float4 way = 2 * from_print /
-                     greatest(advance + square_root(advance * advance + 2 * from_print * cut.bend),
-                              all4(kLeastExtent)),
-               look = least(way, all4(scan.straight));
-  const Int4 wanted = s.live & (s.share > kLeastShare) & (look > static_cast<float>(look_ahead_));
+  const auto way_from_print = [&](float voxels) {
+    const float away = voxels * cut.voxel;
+    const Float4 way = 2 * away /
+                       greatest(advance + square_root(advance * advance + 2 * away * cut.bend),
+                                all4(kLeastExtent));
+    return least(way, all4(scan.straight));
+  };
+  const auto ahead = [&](const Float4& way) {
+    const Float4 far = way - scan.reach;
+    return Place{s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
+  };
+  const Float4 way = way_from_print(kFromPrint);
+  // The cut is no nearer than the nearest of its walls.
+  const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
+  const Int4 wanted = may_count & near & (way > static_cast<float>(look_ahead_));
   if (!any(wanted)) return;
+  if (has_edges_) cover_grooves(scan, cut, ahead(way_from_print(kGrooveFromPrint)), wanted, s);
+  const Int4 others = wanted & ~s.groove;
+  if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
+}
 
-  const Float4 far = look - scan.reach;
-  const Place middle{s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
-  const FourPlaces at(middle.x, middle.y, middle.z);
+// Where the sample farther ahead finds a wall along the motion that crosses a piece, it divides the piece, whatever
+// nearer samples found.
+void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                                 const Int4& wanted, Lanes& s) noexcept {
+  const FourPlaces at(far.x, far.y, far.z);
   const IndexFrame& f = scan.frame;
   KeptCells cells;
   cells.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted,
              scan.cuts);
   const FourSamples there = f.gradients(cells.cells.at(at.fx, at.fy, at.fz));
-  // The wall that a surface leaves which is swept along itself has no curvature that way, and all of the
-  // surface's Gaussian one.
-  const Float4 of_motion =
-                   cut.bend / greatest(cut.vl * cut.vl + cut.vt * cut.vt, all4(kLeastExtent)),
-               gaussian = cut.curvature_along * cut.curvature_around,
-               stands_out = greatest(
-                   kWallAtMost * voxel * voxel * gaussian / greatest(of_motion, all4(kFlat)),
-                   cut.wall);
-  const Float4 value = there.value + stands_out;
+  const Float4 stands_out = cut.swept_wall(), value = there.value + stands_out;
   Borders border = cut.borders(value, there, Float4{}, Float4{});
-  const Int4 crossed =
-      wanted & cells.live & is_one_wall(there, cut.rise(there)) &
+  const Int4 near =
+      wanted & cells.live & (kAlong * magnitude(cut.rise(there)) < 1) &
       (magnitude(value) < kMayCross * (magnitude(border.along) + magnitude(border.around)));
+  const Int4 crossed = near & is_one_wall(there, cut.rise(there)), rounded = near & ~crossed;
+  if (cut.may_be_ridges && any(rounded))
+    cover_ridges(scan, cut, border, far, stands_out, rounded, s);
   if (!any(crossed)) return;
-  const AtBorder found = look_at_border(scan, cut, border, middle, crossed);
+  const AtBorder found = look_at_border(scan, cut, border, far, crossed);
   border.replace(crossed,
                  cut.borders(found.sample.value + stands_out, found.sample, found.x, found.y));
+  const bool flat = cut.curvature_along == 0 && !any(cut.curvature_around != 0);
+  const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
+  const Float4 thick = magnitude(border.along) + magnitude(border.around) - border.value;
+  border.value += found_little ? doubt_of_thin(thick, kThinChip * cut.voxel) : Float4{};
   const CoveredPart<Float4> part = border.part();
+  const Float4 along = border.along / cut.half_along, around = border.around / cut.half_around;
+  const Int4 crosses = (flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) &
+                       (along * along + around * around > kCrosses);
   const Int4 counts = crossed & is_one_wall(found.sample, cut.rise(found.sample)) &
-                      ((part.share < s.share) | ((s.share > kLeastWithWall) & ~s.at_edge));
+                      ((part.share < s.share) | crosses | ~found_little);
   s.cut.replace(counts, border);
   s.cover(counts, part);
-  if (cut.may_be_ridges) cover_ridges(scan, cut, border, middle, stands_out, counts, s);
+  if (cut.may_be_ridges) cover_ridges(scan, cut, border, far, stands_out, counts, s);
 }
 
 // Two earlier cuts leave a ridge between them. The lattice rounds it, and one border doesn't divide a piece in which
 // it lies: both walls are looked at beside it. `stands_out`: mm, of walls on the lattice.
 void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
-                                const Place& middle, const Float4& stands_out, const Int4& wanted,
+                                const Place& far, const Float4& stands_out, const Int4& wanted,
                                 Lanes& s) noexcept {
   // Along the border, from where it passes the middle.
   const Float4 per_along = all4(1 / cut.half_along), per_around = 1 / cut.half_around;
@@ -94,8 +112,14 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
                y = in_piece(to_border * by_around * per_around);
   const Float4 dx = -aside * by_around * per_along, dy = aside * by_along * per_around;
 
-  const AtBorder sides[2] = {look_at(scan, cut, x + dx, y + dy, middle, wanted),
-                             look_at(scan, cut, x - dx, y - dy, middle, wanted)};
+  const auto look_beside = [&](float times) {
+    AtBorder at = look_at(scan, cut, x + times * dx, y + times * dy, far, wanted);
+    const Int4 again = wanted & ~is_one_wall(at.sample, cut.rise(at.sample));
+    if (any(again))
+      at.replace(again, look_at(scan, cut, x + 2 * times * dx, y + 2 * times * dy, far, again));
+    return at;
+  };
+  const AtBorder sides[2] = {look_beside(1), look_beside(-1)};
   // What the wall at one place, were it flat, would make of the other: more than what is there where a wall is hollow,
   // as all are that a bur leaves.
   const PieceAxes& axes = cut.axes;

@@ -53,6 +53,10 @@ template <class T>
 struct DividingLine {
   float c, a, b;
   [[nodiscard]] float at(float x, float y) const noexcept { return c + a * x + b * y; }
+  // With its other side the negative one.
+  [[nodiscard]] DividingLine turned() const noexcept { return {-c, -a, -b}; }
+  // Everything is on its negative side.
+  static DividingLine none() noexcept { return {-1, 0, 0}; }
 };
 
 // The part of the rectangle on the negative side of several lines. It is cut out as a polygon: by the shares of
@@ -89,6 +93,18 @@ struct DividingLine {
   }
   if (!(area > kLeastArea)) return {0, 0, 0};
   return {area / 8, x / (3 * area), y / (3 * area)};
+}
+
+// What is left of a part when one that lies in it is taken away.
+[[nodiscard]] inline CoveredPart<float> without(const CoveredPart<float>& all,
+                                                const CoveredPart<float>& part) noexcept {
+  constexpr float kLeast = 1e-6f;
+  const float share = all.share - part.share;
+  if (!(share > kLeast)) return {0, 0, 0};
+  const auto rest = [&](float whole, float taken) {
+    return std::min(std::max((all.share * whole - part.share * taken) / share, -1.0f), 1.0f);
+  };
+  return {share, rest(all.x, part.x), rest(all.y, part.y)};
 }
 
 }  // namespace toothprep

@@ -14,6 +14,12 @@ namespace toothprep {
 // Values of a field at four points, mm, and its gradients, mm per voxel.
 struct FourSamples {
   Float4 value, gx, gy, gz;
+  void replace(const Int4& where, const FourSamples& by) noexcept {
+    value = where ? by.value : value;
+    gx = where ? by.gx : gx;
+    gy = where ? by.gy : gy;
+    gz = where ? by.gz : gz;
+  }
 };
 
 // What sample_cell() makes of the corners alone.
@@ -37,6 +43,17 @@ struct FourCells {
       if (wanted[p]) cell_corners(field, i[p], j[p], k[p], corners[p]);
     set(load4(corners[0]), load4(corners[1]), load4(corners[2]), load4(corners[3]),
         load4(corners[0] + 4), load4(corners[1] + 4), load4(corners[2] + 4), load4(corners[3] + 4));
+  }
+  // Corner k, as cell_corners() numbers them.
+  [[nodiscard]] Float4 corner(int k) const noexcept {
+    const Float4 lower[4] = {c0, c2, c4, c6}, rise[4] = {c10, c32, c54, c76};
+    return k & 1 ? lower[k >> 1] + rise[k >> 1] : lower[k >> 1];
+  }
+  // How far the field is from linear in them, mm.
+  [[nodiscard]] Float4 bend() const noexcept {
+    const Float4 yz = low + high, xz = (c54 - c10) + (c76 - c32),
+                 xy = 2 * ((c6 - c4) - (c2 - c0)) + ((c76 - c54) - (c32 - c10));
+    return 0.5f * (magnitude(yz) + magnitude(xz) + magnitude(xy));
   }
   // As sample_cell(), four at a time.
   [[nodiscard]] FourSamples at(Float4 fx, Float4 fy, Float4 fz) const noexcept {

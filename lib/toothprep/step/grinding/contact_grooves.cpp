@@ -1,0 +1,142 @@
+// Grooves: where the floor and the wall of an earlier cut meet in a sharp corner, the lattice rounds it, and one
+// border doesn't divide a piece in which it lies. Each of the two is looked at beside it, across the motion and far
+// enough ahead for the bur's own print to be out of the way; outside of both is tissue.
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/contact_cut.h"
+#include "toothprep/step/grinding/contact_frame.h"
+#include "toothprep/step/grinding/covered_part.h"
+
+namespace toothprep {
+namespace {
+
+// They are looked at so far from a piece's middle (voxels), in this order: far from the corner each stands alone,
+// near it they are as they are there.
+constexpr float kProbesBeside[] = {2.5f, 2, 1.5f};
+// They are two if the cosine between them is below this, and each is as steep as this (squared): the floor of a flat
+// end that leans along the motion isn't a distance, since distances are mitred at sharp edges.
+constexpr float kTurned = 0.95f, kLeastSlope = 0.4f;
+// What the lattice makes of both must be what it has, to so many voxels.
+constexpr float kFits = 0.07f;
+constexpr float kLeastAside = 0.3f;  // of the profile's direction, across the motion
+
+Float4 dot(const FourSamples& a, const FourSamples& b) {
+  return a.gx * b.gx + a.gy * b.gy + a.gz * b.gz;
+}
+
+}  // namespace
+
+// The cut at a place beside the middle of each of four pieces.
+struct ContactModel::Probe {
+  Float4 x, y, z;        // mm, B, from there
+  FourSamples in_cells;  // gradients per voxel
+  FourSamples sample;    // in B, per mm
+  Float4 at_middle;      // mm: the field there, were it linear
+  FourCells cells;
+  Float4 fx, fy, fz;  // the place in its cell
+
+  Probe(const Scan& scan, const Place& middle, const Float4& dx, const Float4& dy, const Float4& dz,
+        const Int4& wanted)
+      : x(dx), y(dy), z(dz) {
+    const IndexFrame& f = scan.frame;
+    const float* a = f.a;
+    const FourPlaces at(middle.x + (a[0] * x + a[1] * y + a[2] * z),
+                        middle.y + (a[3] * x + a[4] * y + a[5] * z),
+                        middle.z + (a[6] * x + a[7] * y + a[8] * z));
+    cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
+               wanted);
+    fx = at.fx, fy = at.fy, fz = at.fz;
+    in_cells = cells.at(fx, fy, fz);
+    sample = f.gradients(in_cells);
+    at_middle = sample.value - (sample.gx * x + sample.gy * y + sample.gz * z);
+  }
+};
+
+// Whether what two probes found are floor and wall of a groove in which the middle lies: linear, they are what the
+// lattice has there.
+Int4 ContactModel::is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
+                             const Probe& other) noexcept {
+  const auto stands_alone = [&](const FourSamples& g) {
+    return (dot(g, g) > kLeastSlope) & (kAlong * magnitude(cut.rise(g)) < 1);
+  };
+  const Int4 two = stands_alone(one.sample) & stands_alone(other.sample) &
+                   (dot(one.sample, other.sample) <
+                    kTurned * square_root(dot(one.sample, one.sample) *
+                                          dot(other.sample, other.sample)));
+  if (!any(two)) return two;
+  Float4 error{};
+  for (int k = 0; k < 8; ++k) {
+    const Float4 dx = static_cast<float>(k >> 2) - middle.fx,
+                 dy = static_cast<float>((k >> 1) & 1) - middle.fy,
+                 dz = static_cast<float>(k & 1) - middle.fz;
+    const auto of = [&](const Probe& wall) {
+      const FourSamples& g = wall.in_cells;
+      return wall.at_middle + g.gx * dx + g.gy * dy + g.gz * dz;
+    };
+    error = greatest(error, magnitude(middle.cells.corner(k) - least(of(one), of(other))));
+  }
+  return two & (error < kFits * cut.voxel);
+}
+
+// Divides pieces in which a groove lies by both of its walls. `far`: their middles, so far ahead that the bur's own
+// print is out of the way, in voxels.
+void ContactModel::cover_grooves(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                                 const Int4& wanted, Lanes& s) noexcept {
+  const PieceAxes& axes = cut.axes;
+  const Probe middle(scan, far, Float4{}, Float4{}, Float4{}, wanted);
+  const float rounded = kRounded * cut.voxel;
+  const Float4 reach = kMayCross * (magnitude(axes.along(middle.sample)) +
+                                    magnitude(axes.around(middle.sample))),
+               // From beside a wall the field doesn't tell of a floor at the bur's own edge.
+      to_edge = s.at_edge ? all4(cut.half_along) : Float4{};
+  // Across the motion: as near to the profile's direction as may be, and beside that.
+  const Float4 ux = cut.per_speed * cut.ux, uy = cut.per_speed * cut.uy,
+               uz = cut.per_speed * cut.uz;
+  Float4 lx = axes.along_x / cut.half_along - cut.vl * ux,
+         ly = axes.along_y / cut.half_along - cut.vl * uy,
+         lz = axes.along_z / cut.half_along - cut.vl * uz;
+  const Float4 length = square_root(lx * lx + ly * ly + lz * lz);
+  Int4 left = wanted & (kAlong * magnitude(cut.rise(middle.sample)) < 1) &
+              (magnitude(middle.sample.value) < greatest(reach, to_edge) + rounded) &
+              (length > kLeastAside);
+  const Float4 per_length = 1 / greatest(length, all4(kLeastAside));
+  lx *= per_length, ly *= per_length, lz *= per_length;
+  const Float4 dx = ly * uz - lz * uy, dy = lz * ux - lx * uz, dz = lx * uy - ly * ux;
+
+  for (const float voxels : kProbesBeside) {
+    if (!any(left)) return;
+    // To that side on which the place is deeper in the void.
+    const auto beside = [&](const Float4& x, const Float4& y, const Float4& z) {
+      const float way = voxels * cut.voxel;
+      Probe probe(scan, far, way * x, way * y, way * z, left);
+      const Probe opposite(scan, far, -way * x, -way * y, -way * z, left);
+      const Int4 deeper = opposite.sample.value > probe.sample.value;
+      probe.sample.replace(deeper, opposite.sample);
+      probe.in_cells.replace(deeper, opposite.in_cells);
+      probe.at_middle = deeper ? opposite.at_middle : probe.at_middle;
+      return probe;
+    };
+    const Probe walls[2] = {beside(lx, ly, lz), beside(dx, dy, dz)};
+    const Int4 groove = left & is_groove(cut, middle, walls[0], walls[1]);
+    if (!any(groove)) continue;
+    left &= ~groove;
+    s.groove |= groove;
+    for (int wall = 0; wall < 2; ++wall) {
+      Borders border = cut.borders(walls[wall].at_middle + cut.swept_wall(), walls[wall].sample,
+                                   Float4{}, Float4{});
+      border.value +=
+          doubt_of_thin(magnitude(border.along) + magnitude(border.around) - border.value,
+                        kThinChip * cut.voxel);
+      (wall == 0 ? s.cut : s.beside).replace(groove, border);
+    }
+    for (int p = 0; p < kPieces; ++p) {
+      if (!groove[p]) continue;
+      const CoveredPart<float> part = s.under_all(p, DividingLine::none());
+      s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
+    }
+  }
+}
+
+}  // namespace toothprep
