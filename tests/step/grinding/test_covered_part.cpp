@@ -74,7 +74,9 @@ TEST(CoveredPart, OfABentBorderIsThatOfTheStraightOneThatDividesThePieceAlike) {
   EXPECT_GT(std::sqrt(squares_straight / count), 0.006);
 }
 
-TEST(CoveredPart, ShareAndMiddleUnderTwoLinesAreThoseOfWhatLiesUnderBoth) {
+// Of two hundred pairs of lines what `part` makes of them, against counting the places that are `covered`.
+template <class Part, class Covered>
+void expect_as_counted(const Part& part, const Covered& covered) {
   std::mt19937 engine(5);
   constexpr int kLines = 300;
   const auto line = [&] {
@@ -94,15 +96,34 @@ TEST(CoveredPart, ShareAndMiddleUnderTwoLinesAreThoseOfWhatLiesUnderBoth) {
       for (int j = 0; j < kLines; ++j) {
         const float u = (2 * static_cast<float>(i) + 1) / kLines - 1,
                     v = (2 * static_cast<float>(j) + 1) / kLines - 1;
-        if (first.at(u, v) < 0 && second.at(u, v) < 0)
+        if (covered(first.at(u, v), second.at(u, v)))
           share += 1, x += static_cast<double>(u), y += static_cast<double>(v);
       }
-    const CoveredPart<float> part = covered_by_all({first, second});
-    EXPECT_NEAR(part.share, share / kLines / kLines, 3.0 / kLines) << trial;
+    const CoveredPart<float> found = part(first, second);
+    EXPECT_NEAR(found.share, share / kLines / kLines, 3.0 / kLines) << trial;
     if (share < 0.03 * kLines * kLines) continue;
-    EXPECT_NEAR(part.x, x / share, 0.02) << trial;
-    EXPECT_NEAR(part.y, y / share, 0.02) << trial;
+    EXPECT_NEAR(found.x, x / share, 0.02) << trial;
+    EXPECT_NEAR(found.y, y / share, 0.02) << trial;
   }
+}
+
+TEST(CoveredPart, ShareAndMiddleUnderTwoLinesAreThoseOfWhatLiesUnderBoth) {
+  expect_as_counted(
+      [](const DividingLine& a, const DividingLine& b) {
+        return covered_by_all({a, b});
+      },
+      [](float a, float b) { return a < 0 && b < 0; });
+}
+
+TEST(CoveredPart, WithoutWhatIsOutsideOfBothItIsWhatLiesUnderEither) {
+  expect_as_counted(
+      [](const DividingLine& a, const DividingLine& b) {
+        return without(covered_by_all({DividingLine::none()}),
+                       covered_by_all({a.turned(), b.turned()}));
+      },
+      [](float a, float b) { return a < 0 || b < 0; });
+  const CoveredPart<float> part{0.3f, 0.1f, -0.2f};
+  EXPECT_EQ(without(part, part).share, 0);
 }
 
 TEST(CoveredPart, UnderALineThatLeavesNothingOrEverythingItIsNothingOrWhatTheOtherLeaves) {

@@ -61,10 +61,10 @@ Int4 ContactModel::is_groove(const CutOfPieces& cut, const Probe& middle, const 
   const auto stands_alone = [&](const FourSamples& g) {
     return (dot(g, g) > kLeastSlope) & (kAlong * magnitude(cut.rise(g)) < 1);
   };
-  const Int4 two = stands_alone(one.sample) & stands_alone(other.sample) &
-                   (dot(one.sample, other.sample) <
-                    kTurned * square_root(dot(one.sample, one.sample) *
-                                          dot(other.sample, other.sample)));
+  const Int4 two =
+      stands_alone(one.sample) & stands_alone(other.sample) &
+      (dot(one.sample, other.sample) <
+       kTurned * square_root(dot(one.sample, one.sample) * dot(other.sample, other.sample)));
   if (!any(two)) return two;
   Float4 error{};
   for (int k = 0; k < 8; ++k) {
@@ -126,9 +126,8 @@ void ContactModel::cover_grooves(const Scan& scan, const CutOfPieces& cut, const
     for (int wall = 0; wall < 2; ++wall) {
       Borders border = cut.borders(walls[wall].at_middle + cut.swept_wall(), walls[wall].sample,
                                    Float4{}, Float4{});
-      border.value +=
-          doubt_of_thin(magnitude(border.along) + magnitude(border.around) - border.value,
-                        kThinChip * cut.voxel);
+      border.value += doubt_of_thin(
+          magnitude(border.along) + magnitude(border.around) - border.value, kThinChip * cut.voxel);
       (wall == 0 ? s.cut : s.beside).replace(groove, border);
     }
     for (int p = 0; p < kPieces; ++p) {
