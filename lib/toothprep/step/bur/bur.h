@@ -62,9 +62,9 @@ struct DistanceOutline {
 struct DistanceBall {
   float r, z, radius;  // mm
 };
-// How many these are: a block of a lattice, so many along each of its axes.
-constexpr int kBlockEdge = 4;  // voxels
-constexpr int kDistanceBlock = kBlockEdge * kBlockEdge * kBlockEdge;
+// A block of a lattice, whose points these are:
+constexpr int kBlockEdge = 4;                                         // voxels along each axis
+constexpr int kDistanceBlock = kBlockEdge * kBlockEdge * kBlockEdge;  // points
 
 // Of such a block the points' distances r from the bur's axis and places z along it, mm: point (i, j, k), k
 // fastest, lies at to_bur (first + (i, j, k)), B. `first` in voxels; `to_bur` in mm per voxel, row by row.

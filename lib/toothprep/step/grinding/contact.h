@@ -159,7 +159,7 @@ class ContactModel {
   static Int4 is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
                         const Probe& other) noexcept;
   static void cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
-                           const Place& middle, const Float4& stands_out, const Int4& wanted,
+                           const Place& far, const Float4& stands_out, const Int4& wanted,
                            Lanes& lanes) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;

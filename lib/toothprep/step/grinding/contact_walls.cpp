@@ -51,7 +51,7 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
     return Place{s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
   };
   const Float4 way = way_from_print(kFromPrint);
-  // The cut is no nearer than the nearest of its walls.
+  // Deeper in the void than the print makes it and than half of a piece is large, no wall crosses it.
   const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
   const Int4 wanted = may_count & near & (way > static_cast<float>(look_ahead_));
   if (!any(wanted)) return;
