@@ -75,6 +75,32 @@ class StepTimes {
   std::size_t next_ = 0;
 };
 
+// Runs the session several times; returns the last one's totals. `counts`: whether a step is timed, by its row and
+// the number of its split steps.
+template <class Counts>
+SessionTotals run_sessions(benchmark::State& state, const Bur& bur, const LayeredTooth& tooth,
+                           const Parameters& parameters, const std::vector<HandleSample>& path,
+                           StepTimes& times, const Counts& counts) {
+  SessionTotals totals;
+  for (auto _ : state)
+    for (int run = 0; run < kRuns; ++run) {
+      state.PauseTiming();
+      Workpiece workpiece(tooth);
+      Session session(bur, workpiece, parameters, Drive::kCoupled, path.front());
+      times.begin_run();
+      state.ResumeTiming();
+      for (std::size_t i = 1; i < path.size(); ++i) {
+        const long before = session.totals().split_steps;
+        const double start = cpu_microseconds();
+        const StepRecord row = session.step(path[i]);
+        const double time = cpu_microseconds() - start;
+        if (counts(row, session.totals().split_steps - before)) times.add(time);
+      }
+      totals = session.totals();
+    }
+  return totals;
+}
+
 // `leant` along the feed, rad.
 void coupled_step(benchmark::State& state, const Bur& bur,
                   const Parameters& parameters = preset_parameters("paper"), double leant = 0) {
@@ -85,20 +111,8 @@ void coupled_step(benchmark::State& state, const Bur& bur,
   const Quat lean(Eigen::AngleAxisd(leant, Vec3::UnitX()));
   for (HandleSample& sample : path) sample.pose.orientation = lean * sample.pose.orientation;
   StepTimes times;
-  for (auto _ : state)
-    for (int run = 0; run < kRuns; ++run) {
-      state.PauseTiming();
-      Workpiece workpiece(tooth);
-      Session session(bur, workpiece, parameters, Drive::kCoupled, path.front());
-      times.begin_run();
-      state.ResumeTiming();
-      for (std::size_t i = 1; i < path.size(); ++i) {
-        const double start = cpu_microseconds();
-        const StepRecord row = session.step(path[i]);
-        const double time = cpu_microseconds() - start;
-        if (row.torque > 0) times.add(time);
-      }
-    }
+  run_sessions(state, bur, tooth, parameters, path, times,
+               [](const StepRecord& row, long) { return row.torque > 0; });
   times.print(state, bur);
   state.counters["s_per_step"] = benchmark::Counter(
       static_cast<double>(kRuns * (path.size() - 1)),
@@ -115,23 +129,9 @@ void split_step(benchmark::State& state, const Bur& bur) {
       straight_path({Vec3(-0.1, 0.8, z), Vec3(5.4, -4.7, z)}, 0.5);
   const Parameters parameters = paper_without_stall();
   StepTimes times;
-  SessionTotals totals;
-  for (auto _ : state)
-    for (int run = 0; run < kRuns; ++run) {
-      state.PauseTiming();
-      Workpiece workpiece(tooth);
-      Session session(bur, workpiece, parameters, Drive::kCoupled, path.front());
-      times.begin_run();
-      state.ResumeTiming();
-      for (std::size_t i = 1; i < path.size(); ++i) {
-        const long before = session.totals().split_steps;
-        const double start = cpu_microseconds();
-        session.step(path[i]);
-        const double time = cpu_microseconds() - start;
-        if (session.totals().split_steps > before) times.add(time);
-      }
-      totals = session.totals();
-    }
+  const SessionTotals totals =
+      run_sessions(state, bur, tooth, parameters, path, times,
+                   [](const StepRecord&, long splits) { return splits > 0; });
   double energy = 0;
   for (int k = 0; k < kTissueCount; ++k)
     energy += parameters.tissue[k].specific_energy * totals.removed[k];

@@ -72,6 +72,12 @@ struct ContactModel::CutOfPieces {
     return greatest(kWallAtMost * voxel * voxel * gaussian / greatest(of_motion, all4(kFlat)),
                     wall);
   }
+  // The border of a wall that stands alone, so that what may be no chip is none.
+  Borders without_thin(Borders border) const {
+    const Float4 thick = magnitude(border.along) + magnitude(border.around) - border.value;
+    border.value += doubt_of_thin(thick, kThinChip * voxel);
+    return border;
+  }
   // Its value at the surface from the sample ahead of it: a wall that was ground before counts no earlier
   // than it is reached.
   Float4 at_surface(const FourSamples& found, float reach) const {

@@ -30,16 +30,15 @@ Float4 dot(const FourSamples& a, const FourSamples& b) {
 
 // The cut at a place beside the middle of each of four pieces.
 struct ContactModel::Probe {
-  Float4 x, y, z;        // mm, B, from there
   FourSamples in_cells;  // gradients per voxel
   FourSamples sample;    // in B, per mm
   Float4 at_middle;      // mm: the field there, were it linear
   FourCells cells;
   Float4 fx, fy, fz;  // the place in its cell
 
-  Probe(const Scan& scan, const Place& middle, const Float4& dx, const Float4& dy, const Float4& dz,
-        const Int4& wanted)
-      : x(dx), y(dy), z(dz) {
+  // x, y, z: mm, B, from there.
+  Probe(const Scan& scan, const Place& middle, const Float4& x, const Float4& y, const Float4& z,
+        const Int4& wanted) {
     const IndexFrame& f = scan.frame;
     const float* a = f.a;
     const FourPlaces at(middle.x + (a[0] * x + a[1] * y + a[2] * z),
@@ -124,11 +123,9 @@ void ContactModel::cover_grooves(const Scan& scan, const CutOfPieces& cut, const
     left &= ~groove;
     s.groove |= groove;
     for (int wall = 0; wall < 2; ++wall) {
-      Borders border = cut.borders(walls[wall].at_middle + cut.swept_wall(), walls[wall].sample,
-                                   Float4{}, Float4{});
-      border.value += doubt_of_thin(
-          magnitude(border.along) + magnitude(border.around) - border.value, kThinChip * cut.voxel);
-      (wall == 0 ? s.cut : s.beside).replace(groove, border);
+      const Borders border = cut.borders(walls[wall].at_middle + cut.swept_wall(),
+                                         walls[wall].sample, Float4{}, Float4{});
+      (wall == 0 ? s.cut : s.beside).replace(groove, cut.without_thin(border));
     }
     for (int p = 0; p < kPieces; ++p) {
       if (!groove[p]) continue;

@@ -84,8 +84,7 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
                  cut.borders(found.sample.value + stands_out, found.sample, found.x, found.y));
   const bool flat = cut.curvature_along == 0 && !any(cut.curvature_around != 0);
   const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
-  const Float4 thick = magnitude(border.along) + magnitude(border.around) - border.value;
-  border.value += found_little ? doubt_of_thin(thick, kThinChip * cut.voxel) : Float4{};
+  border.replace(found_little, cut.without_thin(border));
   const CoveredPart<Float4> part = border.part();
   const Float4 along = border.along / cut.half_along, around = border.around / cut.half_around;
   const Int4 crosses = (flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) &
