@@ -37,6 +37,17 @@ class Help(CommandTest):
             self.assertIn(name, names)
 
 
+class Starts(CommandTest):
+    def test_a_run_from_the_loaded_program_is_like_a_start_of_its_own(self):
+        """Tests run the program from where its libraries are loaded (support/started_program.py)."""
+        self.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "2", "--voxel-mm", "0.5")
+        for args in ((), ("--version",), ("repaly",), ("info", "block.vdb", "--json"), ("info", "caf\udce9 '\n\".vdb"),
+                     ("replay", "--bur", "list")):
+            own = subprocess.run([BINARY, *args], cwd=self.folder, capture_output=True, text=True, timeout=60)
+            loaded = self.run_tool(*args)
+            self.assertEqual((loaded.returncode, loaded.stdout, loaded.stderr), (own.returncode, own.stdout, own.stderr), args)
+
+
 class WrongUsage(CommandTest):
     def refused(self, line, says):
         done = self.run_tool(*line.split())

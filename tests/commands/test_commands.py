@@ -25,9 +25,9 @@ class Commands(CommandTest):
     def setUpClass(cls):
         super().setUpClass()
         cls.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "5,4,5", "--enamel-mm", "1.5")
-        with open(cls.path("slot.toml"), "w") as f:
-            f.write('start_mm = [0, 0.9, -0.4]\naxis = [0, 0, 1]\nrate_hz = 1000\n'
-                    '[[segment]]\nkind = "line"\nto_mm = [0, -2.2, -0.4]\nspeed_mm_s = 1.0\n')
+        for name, speed in (("slot.toml", 1), ("quick.toml", 10)):
+            cls.write(name, 'start_mm = [0, 0.9, -0.4]\naxis = [0, 0, 1]\nrate_hz = 1000\n'
+                      f'[[segment]]\nkind = "line"\nto_mm = [0, -2.2, -0.4]\nspeed_mm_s = {speed}\n')
 
     def assert_refused(self, *args, output, says):
         """Exit 1, one line that names the problem, nothing on stdout, no output file or remains of one."""
@@ -109,9 +109,10 @@ class Commands(CommandTest):
                 self.assertEqual(a.read(), b.read(), pattern)
 
     def test_mesh_of_fewer_triangles_in_every_format(self):
+        self.run_ok("specimen", "block", "-o", "cube.vdb", "--size-mm", "3", "--enamel-mm", "1")
         for name in ("ply", "stl", "obj", "vtk", "glb", "3mf"):
-            self.run_ok("mesh", "block.vdb", "-o", f"all.{name}")
-            said = self.run_ok("mesh", "block.vdb", "-o", f"few.{name}", "--max-error-mm", "0.02").stderr
+            self.run_ok("mesh", "cube.vdb", "-o", f"all.{name}")
+            said = self.run_ok("mesh", "cube.vdb", "-o", f"few.{name}", "--max-error-mm", "0.02").stderr
             after, before = (int(n) for n in re.findall(r"(\d+) triangles", said))
             self.assertLess(after, before / 4, said)
             self.assertRegex(said, r"within 0\.02 mm of them everywhere, both ways \(greatest distance found 0\.0[01]\d\d mm")
@@ -174,7 +175,7 @@ class Commands(CommandTest):
         names = [line.split()[0] for line in self.run_ok("replay", "--bur", "list").stdout.splitlines()]
         self.assertGreater(len(names), 15)
         for name in names:
-            self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "slot.toml", "--bur", name, "-o", "bur.h5",
+            self.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "quick.toml", "--bur", name, "-o", "bur.h5",
                         "--force")
         os.remove(self.path("bur.h5"))
 

@@ -8,7 +8,6 @@ import shutil
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
 import unittest
 from pathlib import Path
@@ -108,27 +107,20 @@ class DamagedInput(CommandTest):
             self.assert_refused("open.obj", b"v 0 0 0\nv 4 0 0\nv 0 4 0\nf 1 2 3\n", *option)
 
 
-class DamagedRecordings(unittest.TestCase):
+class DamagedRecordings(CommandTest):
     """Teeth, traces, tables and parameters."""
+    timeout_s = 20
 
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="toothprep-damaged-")
+        super().setUpClass()
         cls.run_ok("specimen", "block", "-o", "block.vdb", "--size-mm", "2", "--enamel-mm", "1", "--voxel-mm", "0.2")
         with open(cls.path("path.csv"), "w") as f:
             f.write("time_s,x_mm,y_mm,z_mm\n" + "".join(f"{0.001 * i},0,{0.9 - 0.002 * i},0\n" for i in range(400)))
         cls.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "path.csv", "--bur", "ball:D1", "-o", "trace.h5")
 
     @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
-
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder, name)
-
-    @classmethod
-    def run_tool(cls, *args, timeout=60):
+    def measured(cls, *args, timeout=60):
         """Its exit status, its errors, CPU seconds and megabytes (of its children, too)."""
         with open(cls.path("stderr"), "wb") as stderr:
             child = subprocess.Popen([BINARY, *args], cwd=cls.folder, stdout=subprocess.DEVNULL, stderr=stderr)
@@ -140,16 +132,11 @@ class DamagedRecordings(unittest.TestCase):
         with open(cls.path("stderr"), "rb") as stderr:
             return child.returncode, stderr.read(), used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
-    @classmethod
-    def run_ok(cls, *args):
-        code, error, _, _ = cls.run_tool(*args)
-        assert code == 0, f"{args}: {code}\n{error.decode(errors='replace')}"
-
     def assert_refused(self, *args):
-        code, error, seconds, megabytes = self.run_tool(*args, timeout=20)
-        self.assertEqual(code, 1, f"{args}: {error}")
-        errors = [line for line in error.splitlines() if not line.startswith(b"warning: ")]
-        self.assertEqual(len(errors), 1, f"{args}: {error}")
+        done = self.run_tool(*args, text=False)
+        self.assertEqual(done.returncode, 1, f"{args}: {done.stderr}")
+        errors = [line for line in done.stderr.splitlines() if not line.startswith(b"warning: ")]
+        self.assertEqual(len(errors), 1, f"{args}: {done.stderr}")
         return errors[0]
 
     def test_inputs_that_are_no_regular_files_are_refused_at_once(self):
@@ -199,7 +186,7 @@ class DamagedRecordings(unittest.TestCase):
                 broken[place] = generator.choice((0, 255, generator.randrange(256)))
             with open(self.path("broken.h5"), "wb") as f:
                 f.write(broken)
-            code, error, seconds, megabytes = self.run_tool("info", "broken.h5")
+            code, error, seconds, megabytes = self.measured("info", "broken.h5")
             self.assertIn(code, (0, 1), f"{n}: {error}")
             refused += code
             self.assertLess(seconds, 3, f"{n}: {error}")  # of CPU; half a second on a quiet machine
@@ -212,13 +199,13 @@ class DamagedRecordings(unittest.TestCase):
         with open(self.path("long.csv"), "w") as f:
             f.write(header)
             f.writelines(row.format(0.001 * i) for i in range(300_000))
-        code, error, seconds, megabytes = self.run_tool("info", "long.csv")
+        code, error, seconds, megabytes = self.measured("info", "long.csv")
         self.assertEqual(code, 0, error)
         self.assertLess(seconds, 6)
         self.assertLess(megabytes, 300)
         with open(self.path("endless.csv"), "w") as f:
             f.write(header + "\n" * 20_000_010)
-        code, error, seconds, megabytes = self.run_tool("info", "endless.csv")
+        code, error, seconds, megabytes = self.measured("info", "endless.csv")
         self.assertEqual(code, 1)
         self.assertIn(b"more than 20000000 samples", error)
         self.assertLess(megabytes, 100)

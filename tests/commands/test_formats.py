@@ -10,7 +10,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import unittest
@@ -20,6 +19,7 @@ import h5py
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from busy_machine import settled  # noqa: E402
+from started_program import run_program  # noqa: E402
 
 BINARY, LIBHD = (os.path.abspath(argument) for argument in sys.argv[1:3])
 SOURCE = Path(sys.argv[3]).resolve()
@@ -178,8 +178,8 @@ class Tool(unittest.TestCase):
 
     @classmethod
     def ok(cls, *args, **environment):
-        done = settled(lambda: subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True, timeout=120,
-                                              env={**os.environ, **environment}), args, cls.folder)
+        more = {"env": {**os.environ, **environment}} if environment else {}
+        done = settled(lambda: run_program(BINARY, args, cls.folder, 120, **more), args, cls.folder)
         assert done.returncode == 0, f"{args}: {done.returncode}\n{done.stderr}"
         return done.stdout
 
@@ -351,8 +351,8 @@ class Examples(Tool):
         self.assertTrue(fit["rotation_rate_recorded"])
         # The example itself is read up to the point where three samples are too few to fit.
         self.write("rig.csv", text)
-        done = subprocess.run([BINARY, "calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", "--bur", BUR, "-o",
-                               "fit.json", "--force"], cwd=self.folder, capture_output=True, text=True, timeout=60)
+        done = run_program(BINARY, ["calibrate", "--tooth", "block.vdb", "--measured", "rig.csv", "--bur", BUR, "-o", "fit.json",
+                                    "--force"], self.folder, 60)
         self.assertNotIn("column", done.stderr)
         self.assertNotIn("line ", done.stderr)
 

@@ -5,36 +5,23 @@ Usage: test_implausible.py BINARY SOURCE_DIR
 import json
 import os
 import re
-import shutil
-import subprocess
 import sys
-import tempfile
 import unittest
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
-BINARY = os.path.abspath(sys.argv[1])
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from command_test import BINARY, CommandTest
+from started_program import run_program
+
 SOURCE = os.path.abspath(sys.argv[2])
 CYLINDER = "cylinder:D1.2xL3.0"
 
 
-class Folder(unittest.TestCase):
-    """A folder of its own for the tests of a class."""
-
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="toothprep-implausible-")
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
-
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder, name)
-
+class Folder(CommandTest):
     @classmethod
     def run_tool(cls, *args):
-        return subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, timeout=120)
+        return super().run_tool(*args, text=False)
 
     @classmethod
     def run_ok(cls, *args):
@@ -45,7 +32,7 @@ class Folder(unittest.TestCase):
 
 def commands(*words):
     """Every command that the help lists, with its subcommands, and its help."""
-    text = subprocess.run([BINARY, *words, "--help"], capture_output=True, text=True, timeout=60).stdout
+    text = run_program(BINARY, [*words, "--help"], "/", 60).stdout
     yield list(words), text
     listed = text.partition("\nSubcommands:\n")[2].partition("\n\n")[0]
     for name in re.findall(r"^  ([a-z][a-z-]*)", listed, re.MULTILINE):

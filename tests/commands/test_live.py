@@ -18,8 +18,10 @@ import h5py
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from busy_machine import ended_well, settled  # noqa: E402
+from started_program import run_program  # noqa: E402
 
 BINARY, LIBHD, LIMITS = (os.path.abspath(argument) for argument in sys.argv[1:4])
+os.environ["TOOTHPREP_LIBHD"] = LIBHD
 BUR = "cylinder:D1.2xL3.0"
 HAND = """start_mm = [0, 2, -3.4]
 axis = [0, 1, 0]
@@ -52,7 +54,7 @@ class Live(unittest.TestCase):
 
     @classmethod
     def start(cls, *args, settings=""):
-        environment = {**os.environ, "TOOTHPREP_LIBHD": LIBHD, "TOOTHPREP_STANDIN_SET": settings}
+        environment = {**os.environ, "TOOTHPREP_STANDIN_SET": settings}
         return subprocess.Popen([BINARY, *args], cwd=cls.folder, env=environment, stdout=subprocess.PIPE,
                                 stderr=subprocess.PIPE, text=True)
 
@@ -62,7 +64,7 @@ class Live(unittest.TestCase):
             process = cls.start(*args, settings=settings)
             out, error = process.communicate(timeout=60)
             return subprocess.CompletedProcess(args, process.returncode, out, error)
-        done = settled(run, args, cls.folder)
+        done = settled(run if settings else lambda: run_program(BINARY, args, cls.folder, 60), args, cls.folder)
         return done.returncode, done.stdout, done.stderr
 
     @classmethod

@@ -2,6 +2,7 @@
 
 Usage: test_outputs.py BINARY SOURCE_DIR
 """
+import itertools
 import json
 import os
 import resource
@@ -17,6 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from busy_machine import settled  # noqa: E402
+from started_program import run_program  # noqa: E402
 
 BINARY = os.path.abspath(sys.argv[1])
 SOURCE = os.path.abspath(sys.argv[2])
@@ -165,8 +167,7 @@ class Outputs(unittest.TestCase):
 
     @classmethod
     def run_tool(cls, *args, **more):
-        return settled(lambda: subprocess.run([BINARY, "-q", *args], cwd=cls.folder, stdin=subprocess.DEVNULL,
-                                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=120, **more),
+        return settled(lambda: run_program(BINARY, ["-q", *args], cls.folder, 120, text=False, stdin=subprocess.DEVNULL, **more),
                        args, cls.folder)
 
     def each(self, *names):
@@ -218,6 +219,7 @@ class Outputs(unittest.TestCase):
     # ---- Refused before anything runs
 
     def test_an_output_is_never_an_input(self):
+        links = itertools.cycle((os.link, os.symlink))
         for command, subtest in self.each():
             with subtest:
                 for option, name, folder in command.outputs:
@@ -229,11 +231,10 @@ class Outputs(unittest.TestCase):
                             self.assert_refused([*command.line(**{option.lstrip("-"): source}), "--force"], source + ": ")
                             os.remove(self.path(link))
                             continue
-                        for make in (os.link, os.symlink):
-                            make(self.path(source), self.path(link))
-                            self.assert_refused([*command.line(**{option.lstrip("-"): link}), "--force"],
-                                                link + ": is read as an input, too")
-                            os.remove(self.path(link))
+                        next(links)(self.path(source), self.path(link))
+                        self.assert_refused([*command.line(**{option.lstrip("-"): link}), "--force"],
+                                            link + ": is read as an input, too")
+                        os.remove(self.path(link))
 
     def test_a_slice_of_the_series_that_is_read_is_not_replaced(self):
         for command, subtest in self.each("voxelize DICOM"):
@@ -242,13 +243,14 @@ class Outputs(unittest.TestCase):
                 self.assert_refused([*command.line(o="dicom/slice_0001.vdb"), "--force"], "'dicom', which is read")
 
     def test_devices_other_formats_and_twice_the_same_name_are_refused(self):
+        specials = itertools.cycle(("/dev/null", "fifo"))
         for command, subtest in self.each():
             with subtest:
                 os.mkfifo(self.path("fifo"))
                 for option, name, folder in command.outputs:
                     key = option.lstrip("-")
-                    for special in ("/dev/null", "fifo"):
-                        self.assert_refused([*command.line(**{key: special}), "--force"], special + ": ")
+                    special = next(specials)
+                    self.assert_refused([*command.line(**{key: special}), "--force"], special + ": ")
                     self.assert_refused(command.line(**{key: "absent/" + name}), "'absent' does not exist")
                     if not folder:
                         self.assert_refused(command.line(**{key: "thesis.docx"}), "thesis.docx: ")
@@ -274,9 +276,19 @@ class Outputs(unittest.TestCase):
 
     # ---- What appears
 
-    def test_all_appear_and_are_replaced_only_with_force(self):
+    def sizes(self, command):
+        """Of all files that it wrote."""
+        for _, name, folder in command.outputs:
+            for place, _, files in os.walk(self.path(name)) if folder else [("", "", [self.path(name)])]:
+                yield from (os.path.getsize(os.path.join(place, file)) for file in files)
+
+    def test_all_appear_are_replaced_only_with_force_and_stay_when_the_disk_is_full(self):
+        """A full disk: no file beyond so many bytes, none or one less than the command writes."""
         for command, subtest in self.each():
             with subtest:
+                grows = "live" in command.args  # its recording, at its place
+                if not grows:
+                    self.assert_refused(command.line(), preexec_fn=small_files_only(0))
                 self.make(command)
                 names = set(command.inputs) | {name for _, name, _ in command.outputs}
                 self.assertEqual(set(os.listdir(self.folder)), names)
@@ -284,6 +296,8 @@ class Outputs(unittest.TestCase):
                     marked = os.path.exists(self.path(os.path.join(name, ".toothprep-folder")))
                     self.assertEqual(marked, folder)
                 self.assert_refused(command.line(), "exists already; give --force to replace it")
+                if not grows:
+                    self.assert_refused([*command.line(), "--force"], preexec_fn=small_files_only(max(self.sizes(command)) - 1))
                 self.make(command, "--force")
                 self.assertEqual(set(os.listdir(self.folder)), names)
                 for _, name, folder in command.outputs:
@@ -291,23 +305,6 @@ class Outputs(unittest.TestCase):
                         with open(self.path(name + "/notes.txt"), "w") as f:
                             f.write("mine")
                         self.assert_refused([*command.line(), "--force"], "holds 'notes.txt', which this program did not write")
-
-    def test_a_full_disk_is_one_error_and_leaves_nothing(self):
-        """No file beyond so many bytes: at sizes below those that the command writes."""
-        for command, subtest in self.each():
-            with subtest:
-                self.make(command)
-                sizes = set()
-                for _, name, folder in command.outputs:
-                    for place, _, files in os.walk(self.path(name)) if folder else [("", "", [self.path(name)])]:
-                        sizes |= {os.path.getsize(os.path.join(place, file)) for file in files}
-                    shutil.rmtree(self.path(name)) if folder else os.remove(self.path(name))
-                largest = max(sizes)
-                if "live" in command.args:  # its recording grows at its place
-                    continue
-                for size in sorted({0, largest - 1}):
-                    with self.subTest(size=size):
-                        self.assert_refused(command.line(), preexec_fn=small_files_only(size))
 
     def test_a_file_system_that_is_really_full(self):
         """A small tmpfs; as root only."""

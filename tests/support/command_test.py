@@ -7,12 +7,12 @@ A test script gets the program as its first argument and puts this folder on its
 """
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import unittest
 
 from busy_machine import settled
+from started_program import run_program
 
 BINARY = os.path.abspath(sys.argv[1])
 
@@ -51,8 +51,7 @@ class CommandTest(unittest.TestCase):
 
     @classmethod
     def run_tool(cls, *args, **more):
-        return settled(lambda: subprocess.run([BINARY, *args], cwd=cls.folder, capture_output=True, text=True,
-                                              timeout=cls.timeout_s, **more), args, cls.folder)
+        return settled(lambda: run_program(BINARY, args, cls.folder, cls.timeout_s, **more), args, cls.folder)
 
     @classmethod
     def run_ok(cls, *args, **more):

@@ -44,22 +44,25 @@ def length(v):
     return np.sqrt((np.asarray(v, float) ** 2).sum(axis=-1))
 
 
+def setUpModule():
+    if not browser.why_not():  # one for all: its start and its first picture take seconds
+        PageTest.browser = browser.Browser()
+        unittest.addModuleCleanup(PageTest.browser.close)
+
+
 @unittest.skipIf(browser.why_not(), browser.why_not())
 class PageTest(CommandTest):
-    @classmethod
-    def setUpClass(cls):
-        super().setUpClass()
-        cls.browser = browser.Browser()
-        cls.addClassCleanup(cls.browser.close)
-
     def show(self, *arguments):
         viewer = Viewer(*arguments, cwd=self.folder)
         self.addCleanup(viewer.end)
         self.addCleanup(self.browser.open, "about:blank")  # before that
+        self.open(viewer)
+        return viewer
+
+    def open(self, viewer):
         self.browser.complaints.clear()
         self.browser.open(viewer.address)
         self.browser.wait_for("window.toothprep && window.toothprep.state().ready")
-        return viewer
 
     def picture(self, name):
         return self.browser.picture(PICTURES and os.path.join(PICTURES, name + ".png"))
@@ -85,9 +88,26 @@ class Replay(PageTest):
         with h5py.File(cls.path("trace.h5")) as file:
             cls.trace = {name: file[name][()] for name in
                          ("time", "bur/position", "handle/position", "force/device", "torque", "stalled")}
+        cls.viewer = Viewer("trace.h5", "--tooth", "block.vdb", cwd=cls.folder)
+        cls.addClassCleanup(cls.viewer.end)
+        cls.addClassCleanup(cls.browser.open, "about:blank")  # before that
+
+    BEGINNING = """(() => {
+      const page = window.toothprep;
+      page.play(false), page.section({kind: 'off'}), page.wipe(0), page.stereo('off'), page.mirror(false), page.look('oblique');
+      return page.seek(0);
+    })()"""
+
+    def show_replay(self):
+        """The page of the replay, one for the tests that only look and move, as it was at first."""
+        if self.browser.run("window.location.href") != self.viewer.address:
+            return self.open(self.viewer)
+        self.browser.complaints.clear()
+        self.browser.run(self.BEGINNING)
+        self.set_speed("1")
 
     def test_every_number_is_the_traces(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         times = self.trace["time"]
         self.assertEqual(self.browser.state()["rows"], len(times))
         for row in (0, 100, len(times) // 2, len(times) - 1):
@@ -130,7 +150,7 @@ class Replay(PageTest):
         self.assertEqual((recomputed["bur_difference_mm"], recomputed["force_difference_n"], recomputed["failure"]), (0, 0, ""))
 
     def test_moments_to_jump_to_are_the_traces(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         time, force = self.trace["time"], length(self.trace["force/device"])
         stalled = self.trace["stalled"].astype(bool)
         onsets = time[1:][stalled[1:] & ~stalled[:-1]]
@@ -154,7 +174,7 @@ class Replay(PageTest):
         self.assertEqual(self.browser.state()["speed"], float(value))
 
     def test_plays_pauses_and_goes_at_the_speed_asked_for(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         end = self.trace["time"][-1]
         self.set_speed("20")
         self.browser.run("document.getElementById('play').click()")
@@ -171,7 +191,7 @@ class Replay(PageTest):
         self.assertEqual(self.browser.run("new Promise((r) => setTimeout(() => r(window.toothprep.state().time), 200))"), paused)
 
     def test_the_time_line_is_dragged(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         box = self.browser.run("(() => { const r = document.getElementById('line-plot').getBoundingClientRect();"
                                " return [r.left, r.top, r.width, r.height]; })()")
         x, y = box[0] + 0.3 * box[2], box[1] + 0.4 * box[3]
@@ -180,7 +200,7 @@ class Replay(PageTest):
         self.assertAlmostEqual(share, 0.8, delta=0.04)
 
     def test_turns_cuts_and_compares(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         self.browser.run(f"window.toothprep.seek({0.6 * self.trace['time'][-1]})")
         before = self.browser.state()["camera"]["position"]
         whole = self.picture("replay")
@@ -218,7 +238,7 @@ class Replay(PageTest):
         return 255 * matplotlib.image.imread(io.BytesIO(self.picture(name)))[..., :3]
 
     def test_two_eyes_see_it_side_by_side_and_in_red_and_cyan(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         self.browser.run(f"window.toothprep.seek({0.5 * self.trace['time'][-1]})")
         self.browser.run("window.toothprep.stereo('side')")
         image = self.pixels("side-by-side")
@@ -276,7 +296,7 @@ class Replay(PageTest):
         self.assertEqual(self.browser.run("window.headset.sessions"), ["immersive-vr"])
 
     def test_the_mirror_reflects_the_scene_and_is_dragged(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         self.browser.run("window.toothprep.mirror(true)")
         with_tooth = self.pixels("mirror")
         mirror = self.browser.state()["mirror"]
@@ -293,7 +313,7 @@ class Replay(PageTest):
         self.assertEqual(self.browser.state()["camera"]["position"], camera)  # the drag was the mirror's
 
     def test_sounds_follow_the_drill_and_the_lamps_and_are_switched_off(self):
-        self.show("trace.h5", "--tooth", "block.vdb")
+        self.show_replay()
         stall = self.browser.state()["moments"]["stalls"][0]
         self.assertFalse(self.browser.state()["sound"]["on"])
         x, y = self.browser.run("(() => { const r = document.getElementById('sound').getBoundingClientRect();"
@@ -448,9 +468,7 @@ class Live(PageTest):
                         "--duration-s", "250", "--view", "--no-open", "-o", name, *options, cwd=self.folder, command="live")
         self.addCleanup(viewer.end)
         self.addCleanup(self.browser.open, "about:blank")
-        self.browser.complaints.clear()
-        self.browser.open(viewer.address)
-        self.browser.wait_for("window.toothprep && window.toothprep.state().ready")
+        self.open(viewer)
         return viewer
 
     def finish(self, viewer, name):
