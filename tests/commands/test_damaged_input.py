@@ -6,14 +6,12 @@ import os
 import random
 import shutil
 import struct
-import subprocess
 import sys
-import threading
 import unittest
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
-from command_test import BINARY, CommandTest
+from command_test import CommandTest
 
 
 class DamagedInput(CommandTest):
@@ -119,19 +117,6 @@ class DamagedRecordings(CommandTest):
             f.write("time_s,x_mm,y_mm,z_mm\n" + "".join(f"{0.001 * i},0,{0.9 - 0.002 * i},0\n" for i in range(400)))
         cls.run_ok("replay", "--tooth", "block.vdb", "--trajectory", "path.csv", "--bur", "ball:D1", "-o", "trace.h5")
 
-    @classmethod
-    def measured(cls, *args, timeout=60):
-        """Its exit status, its errors, CPU seconds and megabytes (of its children, too)."""
-        with open(cls.path("stderr"), "wb") as stderr:
-            child = subprocess.Popen([BINARY, *args], cwd=cls.folder, stdout=subprocess.DEVNULL, stderr=stderr)
-        timer = threading.Timer(timeout, child.kill)
-        timer.start()
-        _, status, used = os.wait4(child.pid, 0)
-        timer.cancel()
-        child.returncode = os.waitstatus_to_exitcode(status)
-        with open(cls.path("stderr"), "rb") as stderr:
-            return child.returncode, stderr.read(), used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
-
     def assert_refused(self, *args):
         done = self.run_tool(*args, text=False)
         self.assertEqual(done.returncode, 1, f"{args}: {done.stderr}")
@@ -186,11 +171,11 @@ class DamagedRecordings(CommandTest):
                 broken[place] = generator.choice((0, 255, generator.randrange(256)))
             with open(self.path("broken.h5"), "wb") as f:
                 f.write(broken)
-            code, error, seconds, megabytes = self.measured("info", "broken.h5")
-            self.assertIn(code, (0, 1), f"{n}: {error}")
-            refused += code
-            self.assertLess(seconds, 3, f"{n}: {error}")  # of CPU; half a second on a quiet machine
-            self.assertLess(megabytes, 1500, f"{n}: {error}")
+            done = self.run_tool("info", "broken.h5")
+            self.assertIn(done.returncode, (0, 1), f"{n}: {done.stderr}")
+            refused += done.returncode
+            self.assertLess(done.cpu_s, 3, f"{n}: {done.stderr}")  # half a second on a quiet machine
+            self.assertLess(done.peak_mb, 1500, f"{n}: {done.stderr}")
         self.assertGreater(refused, 10)
 
     def test_a_long_table_is_read_fast_and_one_that_is_too_long_refused_by_its_size(self):
@@ -199,16 +184,16 @@ class DamagedRecordings(CommandTest):
         with open(self.path("long.csv"), "w") as f:
             f.write(header)
             f.writelines(row.format(0.001 * i) for i in range(300_000))
-        code, error, seconds, megabytes = self.measured("info", "long.csv")
-        self.assertEqual(code, 0, error)
-        self.assertLess(seconds, 6)
-        self.assertLess(megabytes, 300)
+        done = self.run_tool("info", "long.csv", anew=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertLess(done.cpu_s, 6)
+        self.assertLess(done.peak_mb, 300)
         with open(self.path("endless.csv"), "w") as f:
             f.write(header + "\n" * 20_000_010)
-        code, error, seconds, megabytes = self.measured("info", "endless.csv")
-        self.assertEqual(code, 1)
-        self.assertIn(b"more than 20000000 samples", error)
-        self.assertLess(megabytes, 100)
+        done = self.run_tool("info", "endless.csv", anew=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("more than 20000000 samples", done.stderr)
+        self.assertLess(done.peak_mb, 100)
         os.remove(self.path("endless.csv"))
         os.remove(self.path("long.csv"))
 

@@ -3,7 +3,7 @@ read, what is lost is said, and nothing passes unnoticed.
 
 Usage: test_recordings.py BINARY STAND_IN_LIBHD
 
-$TOOTHPREP_KILLS: how many sessions are killed (5), $TOOTHPREP_FLIPS: how many bits are flipped (60).
+$TOOTHPREP_KILLS: how many sessions are killed (5), $TOOTHPREP_FLIPS: how many bits are flipped (30).
 """
 import hashlib
 import json
@@ -28,7 +28,7 @@ from command_test import BINARY, CommandTest  # noqa: E402
 
 LIBHD = os.path.abspath(sys.argv[2])
 KILLS = int(os.environ.get("TOOTHPREP_KILLS", "5"))
-FLIPS = int(os.environ.get("TOOTHPREP_FLIPS", "60"))
+FLIPS = int(os.environ.get("TOOTHPREP_FLIPS", "30"))
 BUR = "cylinder:D1.2xL3.0"
 HAND = """start_mm = [0, 2, -3.4]
 axis = [0, 1, 0]

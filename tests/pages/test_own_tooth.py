@@ -6,7 +6,6 @@ Usage: test_own_tooth.py BINARY SOURCE
 import json
 import re
 import shlex
-import subprocess
 import sys
 import unittest
 from pathlib import Path
@@ -15,7 +14,7 @@ import h5py
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
-from command_test import BINARY, CommandTest
+from command_test import CommandTest
 
 SOURCE = Path(sys.argv[2])
 # The rig's frame: p_rig = TURN p_tooth + SHIFT.
@@ -42,9 +41,7 @@ class OwnTooth(CommandTest):
             for line in lines:
                 words = shlex.split(line.replace("$DATA", str(SOURCE / "data")))
                 assert words[0] == "toothprep", line
-                done = subprocess.run([BINARY, *words[1:]], cwd=cls.folder, capture_output=True, text=True, timeout=300, check=False)
-                assert done.returncode == 0, f"{line}: {done.stderr}"
-                cls.said[line] = done.stderr
+                cls.said[line] = cls.run_ok(*words[1:]).stderr
 
     @classmethod
     def write_recording(cls):

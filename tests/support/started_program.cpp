@@ -2,6 +2,7 @@
 // is initialized, and lets a child process go on from there for each request of started_program.py. Looking up 90 000 symbols
 // of a hundred libraries is most of what a short command takes.
 #include <dlfcn.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -16,6 +17,11 @@ namespace {
 constexpr const char* kSocket = "TOOTHPREP_TEST_SOCKET=";
 
 using Descriptors = std::array<int, 3>;  // stdin, stdout, stderr
+
+struct Ended {
+  int status = -1;
+  rusage used{};
+};
 
 // What the child runs: the folder, the program's name and its arguments, each with a zero byte behind it. Not on the heap:
 // nothing is initialized yet.
@@ -75,11 +81,11 @@ __attribute__((constructor)) void serve(int, char**, char** environment) {
     const pid_t child = fork();
     if (child == 0) return take_place(socket, size, standard);
     for (const int file : standard) close(file);
-    int status = -1;
+    Ended ended;
     static_cast<void>(send(socket, &child, sizeof child, MSG_NOSIGNAL));
-    while (child > 0 && waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    while (child > 0 && wait4(child, &ended.status, 0, &ended.used) < 0 && errno == EINTR) {
     }
-    static_cast<void>(send(socket, &status, sizeof status, MSG_NOSIGNAL));
+    static_cast<void>(send(socket, &ended, sizeof ended, MSG_NOSIGNAL));
   }
 }
 
