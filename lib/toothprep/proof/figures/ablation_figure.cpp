@@ -379,7 +379,7 @@ FigureReport ablation_figure(const Experiment& experiment, FigureContext& contex
     v.parameters = parameters_of(run, o.base);
     v.parameters.engine = run.engine;
     if (run.engine != EngineKind::kVoxel) v.parameters.trailing_elements = false;
-    v.path = path_of(run, v.parameters);
+    v.path = context.path(run, v.parameters);
     for (std::size_t i = 1; i < v.path.size(); ++i)
       if (v.path[i].pose.position != v.path[i - 1].pose.position) v.stop = i;
     variants.push_back(std::move(v));

@@ -24,7 +24,7 @@ Loop run_loop(const Experiment& experiment, const Run& run, const Parameters& pa
               FigureContext& context) {
   PhantomModel device = experiment.device;
   device.rate = 1 / parameters.time_step;
-  const std::vector<HandleSample> path = path_of(run, parameters);
+  const std::vector<HandleSample> path = context.path(run, parameters);
   std::vector<Vec3> intended;
   for (const HandleSample& s : path) intended.push_back(s.pose.position);
 

@@ -132,7 +132,7 @@ FigureReport droop_figure(const Experiment& experiment, FigureContext& context) 
     report.trace = context.write_trace(experiment, run.name, run, outcome);
     std::string exact_file;
     if (run.drive == Drive::kDirect) {
-      const std::vector<HandleSample> path = path_of(run, outcome.parameters);
+      const std::vector<HandleSample> path = context.path(run, outcome.parameters);
       Exact drooped;
       claim_imposed_feed(figure, outcome,
                          exact_answer(run, outcome.parameters, path, o.bur_library), drooped);

@@ -374,7 +374,7 @@ FigureReport feasibility_figure(const Experiment& experiment, FigureContext& con
                       Run direct = run;
                       direct.drive = Drive::kDirect;
                       Beside& b = all[i];
-                      b.path = path_of(run, p);
+                      b.path = context.path(run, p);
                       b.coupled = exact_answer(run, p, b.path, o.bur_library);
                       b.direct = exact_answer(direct, p, b.path, o.bur_library);
                       b.outcome = run_on(run, p, b.path, context.specimen(experiment, run, o.voxel),

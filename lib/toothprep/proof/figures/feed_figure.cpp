@@ -238,7 +238,7 @@ FigureReport feed_figure(const Experiment& experiment, FigureContext& context) {
   for (const Run& run : experiment.runs) {
     const Parameters parameters = parameters_of(run, o.base);
     const Bur bur = make_bur(run.bur, o.bur_library);
-    const std::vector<HandleSample> path = path_of(run, parameters);
+    const std::vector<HandleSample> path = context.path(run, parameters);
     const Exact exact = exact_answer(run, parameters, path, o.bur_library);
 
     std::vector<Variant> variants;

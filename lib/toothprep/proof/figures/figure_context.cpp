@@ -47,6 +47,20 @@ LayeredTooth FigureContext::specimen(const Experiment& experiment, const Run& ru
   return specimens_.try_emplace(key, std::move(made)).first->second;
 }
 
+void FigureContext::keep_path(const Run& run, const Parameters& parameters) {
+  std::vector<HandleSample>& kept = paths_[{run.trajectory, parameters.time_step}];
+  if (kept.empty()) kept = path_of(run, parameters);
+}
+
+std::vector<HandleSample> FigureContext::path(const Run& run, const Parameters& parameters) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto kept = paths_.extract({run.trajectory, parameters.time_step});
+    if (kept) return std::move(kept.mapped());
+  }
+  return path_of(run, parameters);
+}
+
 std::string FigureContext::place(const Experiment& experiment, const std::string& file) const {
   const fs::path folder = fs::path(options_.output) / experiment.name;
   std::error_code error;
@@ -136,7 +150,7 @@ std::vector<Outcome> replay_runs(const Experiment& experiment, EngineKind engine
                       Parameters p = parameters_of(run, o.base);
                       p.engine = engine;
                       outcomes[i] =
-                          run_on(run, p, path_of(run, p),
+                          run_on(run, p, context.path(run, p),
                                  context.specimen(experiment, run, o.voxel), o.bur_library);
                     }});
   context.run(jobs);

@@ -32,6 +32,10 @@ class FigureContext {
   // make_specimen(), made once for all that ask for the same; copies share its bricks.
   LayeredTooth specimen(const Experiment& experiment, const Run& run, double voxel);
 
+  // path_of(). One that was kept is found at once, and only the first time: it takes much memory.
+  std::vector<HandleSample> path(const Run& run, const Parameters& parameters);
+  void keep_path(const Run& run, const Parameters& parameters);
+
   // Files of an experiment: FOLDER/NAME in the output; the relative path is returned.
   std::string write_trace(const Experiment& experiment, const std::string& name, const Run& run,
                           Outcome& outcome) const;  // whose rows are lent, and back afterwards
@@ -56,6 +60,8 @@ class FigureContext {
   std::mutex mutex_;
   // By whether it is a molar, size, enamel and voxel.
   std::map<std::array<double, 6>, LayeredTooth> specimens_;
+  // By trajectory and time step.
+  std::map<std::pair<std::string, double>, std::vector<HandleSample>> paths_;
 };
 
 // Replays every run of the experiment with this engine, in parallel; in the order of the runs.

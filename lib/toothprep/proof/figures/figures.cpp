@@ -46,7 +46,8 @@ FigureReport run_experiment(const Experiment& experiment, FigureContext& context
 }
 
 // What can be known to be wrong before anything runs.
-void check(const Experiment& experiment, const FigureOptions& options) {
+void check(const Experiment& experiment, FigureContext& context) {
+  const FigureOptions& options = context.options();
   const bool exact = experiment.kind == Kind::kPlateaus || experiment.kind == Kind::kStall ||
                      experiment.kind == Kind::kProportionalToSpeed ||
                      experiment.kind == Kind::kProportionalToArea ||
@@ -55,7 +56,7 @@ void check(const Experiment& experiment, const FigureOptions& options) {
                      experiment.kind == Kind::kTransparency;
   for (const Run& run : experiment.runs) {
     const Parameters p = parameters_of(run, options.base, !run.literal.empty());
-    if (!run.trajectory.empty()) path_of(run, p);
+    if (!run.trajectory.empty()) context.keep_path(run, p);
     static_cast<void>(make_bur(run.bur, options.bur_library));
     if (experiment.kind != Kind::kValidation && experiment.kind != Kind::kLaws && !is_linear(p))
       throw Error(experiment.name +
@@ -120,10 +121,10 @@ std::vector<FigureReport> run_figures(const FigureOptions& options) {
   int replays = 0;
   for (const std::string& folder : options.experiments) {
     experiments.push_back(read_experiment(folder));
-    check(experiments.back(), options);
     replays += replays_of(experiments.back(), options);
   }
   FigureContext context(options, replays);
+  for (const Experiment& experiment : experiments) check(experiment, context);
   // At once: where one's last replay runs alone, others fill the cores.
   std::vector<FigureReport> figures(experiments.size());
   tbb::parallel_for(

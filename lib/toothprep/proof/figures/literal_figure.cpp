@@ -92,7 +92,7 @@ FigureReport literal_figure(const Experiment& experiment, FigureContext& context
                         const Run& run = experiment.runs[i];
                         const Parameters p = parameters_of(run, o.base, literal);
                         outcomes[i][literal] =
-                            run_on(run, p, path_of(run, p),
+                            run_on(run, p, context.path(run, p),
                                    context.specimen(experiment, run, o.voxel), o.bur_library);
                       }});
   context.run(jobs);

@@ -61,11 +61,12 @@ struct ExactPasses {
   std::vector<Vec3> force;     // N, in the block's middle
 };
 
-ExactPasses exact_passes(const Experiment& experiment, const Run& run, const FigureOptions& o) {
+ExactPasses exact_passes(const Experiment& experiment, const Run& run, FigureContext& context) {
+  const FigureOptions& o = context.options();
   const Parameters p = parameters_of(run, o.base);
   const Bur bur = make_bur(run.bur, o.bur_library);
   ExactPasses exact;
-  exact.path = path_of(run, p);
+  exact.path = context.path(run, p);
   exact.passes = passes_of(exact.path);
   check(experiment, run, bur, exact.path, exact.passes);
   const Quat orientation = exact.path.front().pose.orientation;
@@ -127,7 +128,7 @@ FigureReport passes_figure(const Experiment& experiment, FigureContext& context)
   FigureReport figure;
   std::vector<ExactPasses> exact;
   exact.reserve(experiment.runs.size());
-  for (const Run& run : experiment.runs) exact.push_back(exact_passes(experiment, run, o));
+  for (const Run& run : experiment.runs) exact.push_back(exact_passes(experiment, run, context));
   std::vector<Outcome> outcomes(2 * experiment.runs.size());
   std::vector<FigureContext::Job> jobs;
   for (std::size_t i = 0; i < outcomes.size(); ++i)

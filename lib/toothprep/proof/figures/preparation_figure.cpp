@@ -47,7 +47,7 @@ FigureReport preparation_figure(const Experiment& experiment, FigureContext& con
              Parameters p = parameters_of(run, o.base);
              p.engine = o.engines.front();
              outcomes[i] = run_on(
-                 run, p, path_of(run, p),
+                 run, p, context.path(run, p),
                  start == experiment.runs.end()
                      ? whole
                      : outcomes[static_cast<std::size_t>(start - experiment.runs.begin())].prepared,

@@ -115,7 +115,7 @@ FigureReport stall_figure(const Experiment& experiment, FigureContext& context) 
     for (const EngineKind engine : o.engines) {
       Parameters p = parameters_of(run, o.base);
       p.engine = engine;
-      variants.push_back({&run, p, path_of(run, p), {}, {}});
+      variants.push_back({&run, p, context.path(run, p), {}, {}});
     }
   std::vector<ExactTask> tasks;
   for (const Variant& v : variants) tasks.push_back({*v.run, v.parameters, v.path});
