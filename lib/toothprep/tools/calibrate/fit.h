@@ -48,6 +48,7 @@ struct FitOptions {  // what is given and what is estimated
   // Where the search starts (times 1, 10 and 1/10), and the alpha that stands in where only u/alpha
   // is identifiable.
   PerTissue<GrindingProperties> start = preset_parameters("paper").tissue;
+  bool several_starts = true;  // there too, and not only where the linear solution is
 };
 
 struct Estimate {                                           // in the unit of what it estimates

@@ -200,12 +200,13 @@ struct Start {
   double cost = 0;
 };
 
-// From the linear solution, and from the start values times 1, 10 and 1/10.
+// From the linear solution and, if several are asked for, the start values times 1, 10 and 1/10.
 std::vector<Start> descents(const FitData& data, const ModelState& begin, const Asked& asked,
                             const FitOptions& o, const FreeSet& set) {
   const FreeSet linear = linear_set(begin, data.recordings.size(), asked);
   std::vector<Start> ends;
   for (const double factor : {0.0, 1.0, 10.0, 0.1}) {
+    if (factor != 0 && !o.several_starts) break;
     ModelState state = begin;
     if (factor == 0) {
       state = moved_to(solve_linear(data, linear, begin, data.stride, 5), linear, o, begin);

@@ -125,6 +125,7 @@ class LawSearch {
     FitOptions quick = options_;
     quick.diagnose = false;
     quick.bootstrap = 50;
+    quick.several_starts = false;  // the last fit has them
     // Far from its law most of the force may look like outliers, so all of it counts at first.
     const bool searches =
         std::any_of(places_.begin(), places_.end(), [](const Place& p) { return !p.rubs; });
