@@ -151,6 +151,15 @@ TEST(OverlappingPasses, ARidgeThatTwoPassesLeftIsTakenAsHighAsItIs) {
     EXPECT_LT(errors_of(p, 0.05, 0.003, 0.0005).beyond, 1) << p.bur;
 }
 
+// Of 3 to 16 µm, at 0.1 mm, which the lattice doesn't show; what lies beside it tells of it.
+TEST(OverlappingPasses, ARidgeThatTheLatticeFlattensIsTakenAsHighAsItIs) {
+  for (const Passes& p : {Passes{"ball:D0.9", 0.16, 0.27, 0.12, 0.6, {0, -0.235, -0.118}},
+                          Passes{"ball:D0.9", 0.93, -0.27, 0.2, 0.3, {0, -0.284, -0.251}},
+                          Passes{"ball:D0.9", 0.3, 0.05, -0.02, 0.6, {0, -0.403, -0.369}},
+                          Passes{"taper:D1.4xL4.0xA4", 0.36, -0.07, 0.2, 0.6, {0, -0.319, -0.268}}})
+    EXPECT_LT(errors_of(p, 0.1, 0.01, 0.002).beyond, 1) << p.bur << " " << p.depth;
+}
+
 // Where floor and wall of an earlier slot meet the lattice rounds the corner. A pass of a leaning flat end beside it takes
 // the sliver below that floor as well, here of 7 µm in two of them.
 TEST(OverlappingPasses, BelowAndBesideASharpCornerOfAnEarlierSlotWhatIsLeftCounts) {

@@ -39,6 +39,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
                            const PerTissue<GrindingProperties>& tissue)
     : elements_(bur.elements(kPiecesAcross * piece_size, clockwise)),
       contact_(kPieces * kTissueCount * elements_.size(), tissue, false),
+      walls_(bur.profile()),
       look_ahead_(kLookAhead * kPiecesAcross * piece_size),
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {

@@ -36,6 +36,7 @@
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/step/grinding/contact_set.h"
 #include "toothprep/step/grinding/covered_part.h"
+#include "toothprep/step/grinding/hollow_walls.h"
 #include "toothprep/step/grinding/kept_cells.h"
 #include "toothprep/step/grinding/workpiece.h"
 
@@ -104,6 +105,7 @@ class ContactModel {
   struct CutOfPieces;
   struct Place;
   struct AtBorder;
+  struct Wall;
   struct Probe;
   // Four elements under way that are looked at as a whole.
   struct Look;
@@ -158,9 +160,12 @@ class ContactModel {
                             const Int4& wanted, Lanes& lanes) noexcept;
   static Int4 is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
                         const Probe& other) noexcept;
+  static Wall look_at_wall(const Scan& scan, const CutOfPieces& cut, const Float4& x,
+                           const Float4& y, const Place& far, const Int4& wanted) noexcept;
   static void cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
-                           const Place& far, const Float4& stands_out, const Int4& wanted,
-                           Lanes& lanes) noexcept;
+                           const Place& far, const Int4& wanted, Lanes& lanes) noexcept;
+  static Int4 is_deeper(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                        const Place& beside, const Wall (&walls)[2], const Int4& wanted) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
@@ -179,6 +184,7 @@ class ContactModel {
   // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
   std::vector<float> edge_;  // which way along the profile a sharp edge lies at it: 1, -1, or 0
+  HollowWalls walls_;
   bool has_edges_ = false;
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole

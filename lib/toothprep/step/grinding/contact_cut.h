@@ -3,6 +3,7 @@
 #pragma once
 
 #include "toothprep/step/grinding/contact_frame.h"
+#include "toothprep/step/grinding/hollow_walls.h"
 
 namespace toothprep {
 
@@ -27,10 +28,25 @@ inline Float4 doubt_of_thin(const Float4& thick, float most) {
   return greatest(least(2 * most - thick, all4(most)), Float4{});
 }
 
+// A field as steep as this (squared, 1 being a distance) is that of one wall; as near to that, where its curvature is
+// known.
+constexpr float kOneWall = 0.8f, kOneHollowWall = 0.03f;
+
+// A wall of an earlier cut, looked at beside the middle of each of four pieces.
+struct ContactModel::Wall {
+  FourSamples sample;  // gradient in B, per mm
+  Float4 x, y, z;      // mm, B, from the middle
+  void replace(const Int4& where, const Wall& by) {
+    sample.replace(where, by.sample);
+    x = where ? by.x : x, y = where ? by.y : y, z = where ? by.z : z;
+  }
+};
+
 // Four pieces of an element against the cut: where its field, by what is found of it, divides them.
 struct ContactModel::CutOfPieces {
   const PieceAxes& axes;
-  float half_along;  // of the pieces, mm
+  const HollowWalls& walls;  // that the bur leaves
+  float half_along;          // of the pieces, mm
   Float4 half_around;
   float curvature_along;
   Float4 curvature_around;
@@ -38,13 +54,15 @@ struct ContactModel::CutOfPieces {
   Float4 wall;         // mm; by how much a wall stands out
   float per_speed;     // s/mm
   bool may_be_ridges;  // not along straight sides, which are swept as they are
+  Float4 nx, ny, nz;   // normal, B
   Float4 ux, uy, uz;   // velocity, mm/s, B
   Float4 vl, vt;       // its direction's parts along the profile and around the axis
   Float4 bend;         // 1/mm, of the surface along the motion, where it is convex
 
-  CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const Pieces& pieces, int first,
-              const Lanes& s)
+  CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const HollowWalls& hollow_walls,
+              const Pieces& pieces, int first, const Lanes& s)
       : axes(piece_axes),
+        walls(hollow_walls),
         half_along(pieces.half_along[first]),
         half_around(load4(&pieces.half_around[first])),
         curvature_along(s.curvature_along),
@@ -53,6 +71,9 @@ struct ContactModel::CutOfPieces {
         wall(kWall * voxel * voxel * (curvature_along + curvature_around)),
         per_speed(s.speed > 0 ? 1 / s.speed : 0),
         may_be_ridges(curvature_along != 0 || !any(curvature_around != 0)),
+        nx(load4(&pieces.nx[first])),
+        ny(load4(&pieces.ny[first])),
+        nz(load4(&pieces.nz[first])),
         ux(s.ux),
         uy(s.uy),
         uz(s.uz),
@@ -64,6 +85,25 @@ struct ContactModel::CutOfPieces {
   Float4 rise(const FourSamples& g) const {
     return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);
   }
+  // Across the motion and a field's gradient, in B; as long as the gradient's part across the motion.
+  struct Across {
+    Float4 x, y, z;
+  };
+  Across across(const FourSamples& g) const {
+    return {per_speed * (g.gy * uz - g.gz * uy), per_speed * (g.gz * ux - g.gx * uz),
+            per_speed * (g.gx * uy - g.gy * ux)};
+  }
+  // Whether it is known how hollow the wall is that has this field: else it is taken to be as the bur is here.
+  Int4 knows(const FourSamples& g) const { return walls.know(-g.gz); }
+  // The curvature (1/mm) in that direction.
+  Float4 hollow(const FourSamples& g, const Across& w) const {
+    const Float4 l = (axes.along_x * w.x + axes.along_y * w.y + axes.along_z * w.z) / half_along,
+                 t = (axes.around_x * w.x + axes.around_y * w.y) / half_around, ll = l * l,
+                 tt = t * t,
+                 here = (curvature_along * ll + curvature_around * tt) /
+                        greatest(ll + tt, all4(kFlat));
+    return knows(g) ? walls.curvature(-g.gz, g.value, per_speed * uz) : here;
+  }
   // By how much a wall stands out on the lattice that the surface leaves when it is swept along itself: that has no
   // curvature that way, and all of the surface's Gaussian one.
   Float4 swept_wall() const {
@@ -71,6 +111,61 @@ struct ContactModel::CutOfPieces {
                  gaussian = curvature_along * curvature_around;
     return greatest(kWallAtMost * voxel * voxel * gaussian / greatest(of_motion, all4(kFlat)),
                     wall);
+  }
+  // A wall as it is where the lattice has the sample g: a hollow one stands out between the lattice's points, and a
+  // cell's gradient is that in its middle.
+  FourSamples wall_at(const IndexFrame& frame, const FourPlaces& at, const FourSamples& g) const {
+    FourSamples found = g;
+    const Int4 known = knows(g);
+    const Across w = across(g);
+    const Float4 by_voxel = known ? hollow(g, w) * voxel : Float4{};
+    const Float4 in_cell[3] = {at.fx, at.fy, at.fz};
+    for (int i = 0; i < 3; ++i) {
+      const float x = frame.a[3 * i] * voxel, y = frame.a[3 * i + 1] * voxel,
+                  z = frame.a[3 * i + 2] * voxel;
+      const Float4 part = x * w.x + y * w.y + z * w.z, bends = by_voxel * part * part,
+                   turn = bends * (0.5f - in_cell[i]);
+      found.gx += turn * x, found.gy += turn * y, found.gz += turn * z;
+      found.value += 0.5f * voxel * bends * in_cell[i] * (1 - in_cell[i]);
+    }
+    found.value += known ? Float4{} : swept_wall();
+    return found;
+  }
+  // A wall's field at a place beside the middle (mm, B).
+  FourSamples field(const Wall& by, const Float4& x, const Float4& y, const Float4& z) const {
+    FourSamples g = by.sample;
+    const Float4 dx = x - by.x, dy = y - by.y, dz = z - by.z,
+                 change = g.gx * dx + g.gy * dy + g.gz * dz;
+    const Across w = across(g);
+    const Float4 way = w.x * dx + w.y * dy + w.z * dz,
+                 curvature = greatest(hollow(g, w), all4(kFlat));
+    // About the line in which the arc's centre went.
+    const Float4 from = 1 / curvature, down = from - change,
+                 to = square_root(down * down + way * way), by_down = down / to, by_way = way / to;
+    g.value += (change * (from + down) - way * way) / (from + to);
+    g.gx = by_down * g.gx - by_way * w.x;
+    g.gy = by_down * g.gy - by_way * w.y;
+    g.gz = by_down * g.gz - by_way * w.z;
+    return g;
+  }
+  // What it is at most where another wall is: where its curvature isn't known, as if it were flat, since all that a
+  // bur leaves are hollow.
+  Float4 at_most(const Wall& by, const Wall& other) const {
+    const FourSamples& g = by.sample;
+    const Float4 flat =
+        g.value + g.gx * (other.x - by.x) + g.gy * (other.y - by.y) + g.gz * (other.z - by.z);
+    return knows(g) ? field(by, other.x, other.y, other.z).value : flat;
+  }
+  // Whether that is one wall, along the motion.
+  Int4 is_one_wall(const FourSamples& g) const {
+    const Float4 square = g.gx * g.gx + g.gy * g.gy + g.gz * g.gz;
+    const Int4 one = knows(g) ? magnitude(square - 1) < kOneHollowWall : square > kOneWall;
+    return one & (kAlong * magnitude(rise(g)) < 1);
+  }
+  // Its borders, by what it is in the middle of the pieces.
+  Borders borders(const Wall& by) const {
+    const FourSamples g = field(by, Float4{}, Float4{}, Float4{});
+    return borders(g.value, g, Float4{}, Float4{});
   }
   // The border of a wall that stands alone, so that what may be no chip is none.
   Borders without_thin(Borders border) const {
@@ -87,12 +182,11 @@ struct ContactModel::CutOfPieces {
   // across it, as the bur is.
   Borders borders(const Float4& value, const FourSamples& g, const Float4& x,
                   const Float4& y) const {
-    const Float4 wx = per_speed * (g.gy * uz - g.gz * uy), wy = per_speed * (g.gz * ux - g.gx * uz),
-                 wz = per_speed * (g.gx * uy - g.gy * ux);
-    const Float4 l = axes.along_x * wx + axes.along_y * wy + axes.along_z * wz,
-                 t = axes.around_x * wx + axes.around_y * wy;
+    const Across w = across(g);
+    const Float4 l = axes.along_x * w.x + axes.along_y * w.y + axes.along_z * w.z,
+                 t = axes.around_x * w.x + axes.around_y * w.y;
     // What the bur is fed against is its own print, as curved as it is.
-    const Float4 beside = least(wx * wx + wy * wy + wz * wz, all4(1));
+    const Float4 beside = least(w.x * w.x + w.y * w.y + w.z * w.z, all4(1));
     const Float4 wall_along = beside * (-0.5f * curvature_along) * l * l,
                  wall_around = beside * (-0.5f * curvature_around) * t * t,
                  wall_both = beside * (-0.5f * (curvature_along + curvature_around)) * l * t,

@@ -148,6 +148,13 @@ struct ContactModel::Borders {
 // Of four pieces, in voxels.
 struct ContactModel::Place {
   Float4 x, y, z;
+  // Those beside them, by mm in B.
+  FourPlaces beside(const IndexFrame& f, const Float4& dx, const Float4& dy,
+                    const Float4& dz) const {
+    const float* a = f.a;
+    return {x + (a[0] * dx + a[1] * dy + a[2] * dz), y + (a[3] * dx + a[4] * dy + a[5] * dz),
+            z + (a[6] * dx + a[7] * dy + a[8] * dz)};
+  }
 };
 
 // What the cut is found to be at the places x, y (-1 .. 1) of four pieces: gradients in B, per mm.

@@ -40,10 +40,7 @@ struct ContactModel::Probe {
   Probe(const Scan& scan, const Place& middle, const Float4& x, const Float4& y, const Float4& z,
         const Int4& wanted) {
     const IndexFrame& f = scan.frame;
-    const float* a = f.a;
-    const FourPlaces at(middle.x + (a[0] * x + a[1] * y + a[2] * z),
-                        middle.y + (a[3] * x + a[4] * y + a[5] * z),
-                        middle.z + (a[6] * x + a[7] * y + a[8] * z));
+    const FourPlaces at = middle.beside(f, x, y, z);
     cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
                wanted);
     fx = at.fx, fy = at.fy, fz = at.fz;

@@ -178,7 +178,7 @@ void ContactModel::locate(const Scan& scan, const Pieces& pieces, int first,
 // The part of each piece that is covered by what remains under the cut.
 void ContactModel::cover(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
                          KeptCells& farther, Lanes& s) const noexcept {
-  const CutOfPieces cut(scan, axes, pieces, first, s);
+  const CutOfPieces cut(scan, axes, walls_, pieces, first, s);
   const Int4 may_count = s.live;
   const Float4 surface = cover_here(scan, cut, s);
   if (any(s.live)) cover_ahead(scan, cut, surface, farther, s);
@@ -233,10 +233,7 @@ ContactModel::AtBorder ContactModel::look_at(const Scan& scan, const CutOfPieces
                     axes.bent_around_y * yy,
                dz = axes.along_z * x + axes.bent_along_z * xx;
   const IndexFrame& f = scan.frame;
-  const float* a = f.a;
-  const FourPlaces at(middle.x + (a[0] * dx + a[1] * dy + a[2] * dz),
-                      middle.y + (a[3] * dx + a[4] * dy + a[5] * dz),
-                      middle.z + (a[6] * dx + a[7] * dy + a[8] * dz));
+  const FourPlaces at = middle.beside(f, dx, dy, dz);
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
   return {x, y, f.gradients(cells.at(at.fx, at.fy, at.fz))};

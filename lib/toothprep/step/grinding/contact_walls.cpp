@@ -15,8 +15,6 @@ namespace {
 // The samples lie where the bur's own print is so far away (voxels), of a wall and of what is looked at beside a
 // groove.
 constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
-// A field as steep as this (squared, 1 being a distance) is that of one wall.
-constexpr float kOneWall = 0.8f;
 // Of a piece that less than this was found to be covered of, a wall takes off. It adds to it only at a sharp edge and on
 // a flat end, where it crosses the surface at more than this angle (sine squared): else it may be what this part of the
 // bur left itself. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
@@ -25,10 +23,17 @@ constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
 // The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, twice as far if
 // there isn't one wall yet, and they meet in one if each lies that far (voxels) within the other.
 constexpr float kAside = 1.5f, kApart = 0.05f;
+// The lattice flattens a ridge by less than this (voxels).
+constexpr float kFlattened = 0.2f;
+// And it was taken where a point of it is deeper (voxels) than both of its walls are there.
+constexpr float kTaken = 0.015f;
+constexpr float kInPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
 
-// Whether a field is that of one wall, along the motion by its rise.
-Int4 is_one_wall(const FourSamples& g, const Float4& rise) {
-  return (g.gx * g.gx + g.gy * g.gy + g.gz * g.gz > kOneWall) & (kAlong * magnitude(rise) < 1);
+// Of a field, how much it changes over 1 mm across a border on the surface, squared.
+Float4 square_of(float half_along, const Float4& half_around, const Float4& along,
+                 const Float4& around) {
+  const Float4 by_along = along / half_along, by_around = around / half_around;
+  return by_along * by_along + by_around * by_around;
 }
 
 }  // namespace
@@ -60,6 +65,25 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
 }
 
+// The cut far ahead, at places x along the profile and y around the axis (mm) from the middles `far` of four pieces.
+ContactModel::Wall ContactModel::look_at_wall(const Scan& scan, const CutOfPieces& cut,
+                                              const Float4& x, const Float4& y, const Place& far,
+                                              const Int4& wanted) noexcept {
+  const PieceAxes& axes = cut.axes;
+  const Float4 by_along = x / cut.half_along, by_around = y / cut.half_around,
+               bend = -0.5f * (cut.curvature_along * x * x + cut.curvature_around * y * y);
+  Wall wall;
+  wall.x = axes.along_x * by_along + axes.around_x * by_around + bend * cut.nx;
+  wall.y = axes.along_y * by_along + axes.around_y * by_around + bend * cut.ny;
+  wall.z = axes.along_z * by_along + bend * cut.nz;
+  const IndexFrame& f = scan.frame;
+  const FourPlaces at = far.beside(f, wall.x, wall.y, wall.z);
+  FourCells cells;
+  cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
+  wall.sample = cut.wall_at(f, at, f.gradients(cells.at(at.fx, at.fy, at.fz)));
+  return wall;
+}
+
 // Where the sample farther ahead finds a wall along the motion that crosses a piece, it divides the piece, whatever
 // nearer samples found.
 void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far,
@@ -69,78 +93,111 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
   KeptCells cells;
   cells.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted,
              scan.cuts);
-  const FourSamples there = f.gradients(cells.cells.at(at.fx, at.fy, at.fz));
-  const Float4 stands_out = cut.swept_wall(), value = there.value + stands_out;
-  Borders border = cut.borders(value, there, Float4{}, Float4{});
-  const Int4 near =
-      wanted & cells.live & (kAlong * magnitude(cut.rise(there)) < 1) &
-      (magnitude(value) < kMayCross * (magnitude(border.along) + magnitude(border.around)));
-  const Int4 crossed = near & is_one_wall(there, cut.rise(there)), rounded = near & ~crossed;
-  if (cut.may_be_ridges && any(rounded))
-    cover_ridges(scan, cut, border, far, stands_out, rounded, s);
-  if (!any(crossed)) return;
-  const AtBorder found = look_at_border(scan, cut, border, far, crossed);
-  border.replace(crossed,
-                 cut.borders(found.sample.value + stands_out, found.sample, found.x, found.y));
-  const bool flat = cut.curvature_along == 0 && !any(cut.curvature_around != 0);
-  const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
-  border.replace(found_little, cut.without_thin(border));
-  const CoveredPart<Float4> part = border.part();
-  const Float4 along = border.along / cut.half_along, around = border.around / cut.half_around;
-  const Int4 crosses = (flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) &
-                       (along * along + around * around > kCrosses);
-  const Int4 counts = crossed & is_one_wall(found.sample, cut.rise(found.sample)) &
-                      ((part.share < s.share) | crosses | ~found_little);
-  s.cut.replace(counts, border);
-  s.cover(counts, part);
-  if (cut.may_be_ridges) cover_ridges(scan, cut, border, far, stands_out, counts, s);
+  const FourSamples there = cut.wall_at(f, at, f.gradients(cells.cells.at(at.fx, at.fy, at.fz)));
+  Borders border = cut.borders(there.value, there, Float4{}, Float4{});
+  const Int4 along = wanted & cells.live & (kAlong * magnitude(cut.rise(there)) < 1);
+  const Float4 reach = kMayCross * (magnitude(border.along) + magnitude(border.around)),
+               away = magnitude(there.value);
+  const Int4 crossed = along & (away < reach) & cut.is_one_wall(there), known = cut.knows(there);
+  Int4 may_be_ridge =
+      along & (known ? away < reach + kFlattened * cut.voxel : (away < reach) & ~crossed);
+  if (any(crossed)) {
+    const Float4 per_square = -border.value / greatest(square_of(cut.half_along, cut.half_around,
+                                                                 border.along, border.around),
+                                                       all4(kLeastExtent));
+    const auto in_piece = [](const Float4& x, const Float4& half) {
+      const Float4 most = kInPiece * half;
+      return least(greatest(x, -most), most);
+    };
+    const Wall found = look_at_wall(
+        scan, cut, in_piece(per_square * border.along / cut.half_along, all4(cut.half_along)),
+        in_piece(per_square * border.around / cut.half_around, cut.half_around), far, crossed);
+    border.replace(crossed, cut.borders(found));
+    const bool flat = cut.curvature_along == 0 && !any(cut.curvature_around != 0);
+    const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
+    border.replace(found_little, cut.without_thin(border));
+    const CoveredPart<Float4> part = border.part();
+    const Int4 crosses =
+        (flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) &
+        (square_of(cut.half_along, cut.half_around, border.along, border.around) > kCrosses);
+    const Int4 counts = crossed & cut.is_one_wall(found.sample) &
+                        ((part.share < s.share) | crosses | ~found_little);
+    s.cut.replace(counts, border);
+    s.cover(counts, part);
+    may_be_ridge |= counts;
+  }
+  if (cut.may_be_ridges && any(may_be_ridge)) cover_ridges(scan, cut, border, far, may_be_ridge, s);
+}
+
+// Whether the cut is deeper around places beside the middles `far` (mm, B) than two walls alone would be.
+Int4 ContactModel::is_deeper(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                             const Place& beside, const Wall (&walls)[2],
+                             const Int4& wanted) noexcept {
+  const IndexFrame& f = scan.frame;
+  const FourPlaces at = far.beside(f, beside.x, beside.y, beside.z);
+  FourCells cells;
+  cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
+  const float square = cut.voxel * cut.voxel;
+  const float* a = f.a;
+  Int4 deeper{};
+  for (int k = 0; k < 8; ++k) {
+    const Float4 dx = square * (static_cast<float>(k >> 2) - at.fx),
+                 dy = square * (static_cast<float>((k >> 1) & 1) - at.fy),
+                 dz = square * (static_cast<float>(k & 1) - at.fz);
+    const Float4 x = beside.x + a[0] * dx + a[3] * dy + a[6] * dz,
+                 y = beside.y + a[1] * dx + a[4] * dy + a[7] * dz,
+                 z = beside.z + a[2] * dx + a[5] * dy + a[8] * dz;
+    const auto is_below = [&](const Wall& wall) {
+      return cells.corner(k) - cut.field(wall, x, y, z).value > kTaken * cut.voxel;
+    };
+    deeper |= is_below(walls[0]) & is_below(walls[1]);
+  }
+  return deeper;
 }
 
 // Two earlier cuts leave a ridge between them. The lattice rounds it, and one border doesn't divide a piece in which
-// it lies: both walls are looked at beside it. `stands_out`: mm, of walls on the lattice.
+// it lies: both walls are looked at beside it.
 void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
-                                const Place& far, const Float4& stands_out, const Int4& wanted,
-                                Lanes& s) noexcept {
+                                const Place& far, const Int4& wanted, Lanes& s) noexcept {
   // Along the border, from where it passes the middle.
-  const Float4 per_along = all4(1 / cut.half_along), per_around = 1 / cut.half_around;
-  const Float4 by_along = border.along * per_along, by_around = border.around * per_around;
-  const Float4 square = greatest(by_along * by_along + by_around * by_around, all4(kLeastExtent));
+  const Float4 square = greatest(
+      square_of(cut.half_along, cut.half_around, border.along, border.around), all4(kLeastExtent));
+  const Float4 by_along = border.along / cut.half_along,
+               by_around = border.around / cut.half_around;
+  const auto in_piece = [](const Float4& x, const Float4& half) {
+    return least(greatest(x, -half), half);
+  };
   const Float4 to_border = -border.value / square, aside = kAside * cut.voxel / square_root(square);
-  const auto in_piece = [](const Float4& x) { return least(greatest(x, all4(-1)), all4(1)); };
-  const Float4 x = in_piece(to_border * by_along * per_along),
-               y = in_piece(to_border * by_around * per_around);
-  const Float4 dx = -aside * by_around * per_along, dy = aside * by_along * per_around;
-
+  const Float4 x = in_piece(to_border * by_along, all4(cut.half_along)),
+               y = in_piece(to_border * by_around, cut.half_around);
+  const Float4 dx = -aside * by_around, dy = aside * by_along;
   const auto look_beside = [&](float times) {
-    AtBorder at = look_at(scan, cut, x + times * dx, y + times * dy, far, wanted);
-    const Int4 again = wanted & ~is_one_wall(at.sample, cut.rise(at.sample));
+    Wall wall = look_at_wall(scan, cut, x + times * dx, y + times * dy, far, wanted);
+    const Int4 again = wanted & ~cut.is_one_wall(wall.sample);
     if (any(again))
-      at.replace(again, look_at(scan, cut, x + 2 * times * dx, y + 2 * times * dy, far, again));
-    return at;
+      wall.replace(again,
+                   look_at_wall(scan, cut, x + 2 * times * dx, y + 2 * times * dy, far, again));
+    return wall;
   };
-  const AtBorder sides[2] = {look_beside(1), look_beside(-1)};
-  // What the wall at one place, were it flat, would make of the other: more than what is there where a wall is hollow,
-  // as all are that a bur leaves.
-  const PieceAxes& axes = cut.axes;
-  const auto within_other = [&](const AtBorder& from, const AtBorder& to) {
-    const FourSamples& g = from.sample;
-    const Float4 straight =
-        axes.along(g) * (to.x - from.x) +
-        axes.around(g) * (to.y - from.y + axes.widening * (to.x * to.y - from.x * from.y));
-    const Float4 bent = axes.bent_along(g) * (to.x * to.x - from.x * from.x) +
-                        axes.bent_around(g) * (to.y * to.y - from.y * from.y);
-    return g.value + straight + bent - to.sample.value < -kApart * cut.voxel;
-  };
-  Int4 ridge = wanted & within_other(sides[0], sides[1]) & within_other(sides[1], sides[0]);
-  Borders walls[2];
-  for (int side = 0; side < 2; ++side) {
-    const AtBorder& at = sides[side];
-    ridge &= is_one_wall(at.sample, cut.rise(at.sample));
-    walls[side] = cut.borders(at.sample.value + stands_out, at.sample, at.x, at.y);
+  const Wall sides[2] = {look_beside(1), look_beside(-1)};
+  // How far each lies within the other (mm, negative).
+  const Float4 one = cut.at_most(sides[0], sides[1]) - sides[1].sample.value,
+               other = cut.at_most(sides[1], sides[0]) - sides[0].sample.value,
+               within = all4(-kApart * cut.voxel);
+  Int4 ridge = wanted & (one < within) & (other < within) & cut.is_one_wall(sides[0].sample) &
+               cut.is_one_wall(sides[1].sample);
+  // Unless it was taken since.
+  const Int4 known = ridge & cut.knows(sides[0].sample) & cut.knows(sides[1].sample);
+  if (any(known)) {
+    const Float4 way = other / least(one + other, within);
+    const Place crest{sides[0].x + way * (sides[1].x - sides[0].x),
+                      sides[0].y + way * (sides[1].y - sides[0].y),
+                      sides[0].z + way * (sides[1].z - sides[0].z)};
+    ridge &= ~(known & is_deeper(scan, cut, far, crest, sides, known));
   }
   if (!any(ridge)) return;
-  s.cut.replace(ridge, walls[0]);
-  s.beside.replace(ridge, walls[1]);
+  s.cut.replace(ridge, cut.borders(sides[0]));
+  s.beside.replace(ridge, cut.borders(sides[1]));
   for (int p = 0; p < kPieces; ++p) {
     if (!ridge[p]) continue;
     const CoveredPart<float> part = covered_by_all({s.cut.line(p), s.beside.line(p)});

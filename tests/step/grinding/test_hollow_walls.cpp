@@ -1,0 +1,69 @@
+// Curvature of swept walls against the bur's outline.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/core/units.h"
+#include "toothprep/step/grinding/hollow_walls.h"
+
+namespace toothprep::testing {
+namespace {
+
+// How far (mm) the head reaches in a direction with this part along its axis.
+double reach_of(const std::vector<ProfilePiece>& outline, double along_axis) {
+  constexpr int kPoints = 20000;
+  const double across = std::sqrt(std::max(0.0, 1 - along_axis * along_axis));
+  double most = -1e9;
+  for (const ProfilePiece& piece : outline)
+    for (int i = 0; i <= kPoints; ++i) {
+      const ProfilePoint at = point_on(piece, static_cast<double>(i) / kPoints);
+      most = std::max(most, at.r * across + at.z * along_axis);
+    }
+  return most;
+}
+
+// A convex outline's radius of curvature is what it reaches in its normal's direction and the second derivative of that
+// by the direction's angle.
+TEST(HollowWalls, AreAsHollowAsTheHeadsOutlineAcrossTheMotion) {
+  constexpr double kStep = 0.02;  // rad
+  constexpr float kValue = 0.02f;
+  for (const char* spec : {"ball:D1.2", "taper:D1.4xL4.0xA4", "cylinder:D1.2xL4.0xR0.3"}) {
+    const Bur bur = make_bur(spec, "");
+    const HollowWalls walls(bur.profile());
+    for (const double lean : {0.0, 0.1, -0.4}) {
+      const auto reach = [&](double angle) {
+        return reach_of(bur.profile(), std::sin(angle) * std::cos(lean));
+      };
+      for (const double angle : {-1.3, -1.0, -0.6, -0.2}) {
+        const Float4 normal = all4(static_cast<float>(std::sin(angle) * std::cos(lean)));
+        ASSERT_TRUE(any(walls.know(normal))) << spec << " " << lean << " " << angle;
+        const double radius =
+            reach(angle) +
+            (reach(angle + kStep) - 2 * reach(angle) + reach(angle - kStep)) / (kStep * kStep);
+        const Float4 curvature =
+            walls.curvature(normal, all4(kValue), all4(static_cast<float>(std::sin(lean))));
+        EXPECT_NEAR(1 / static_cast<double>(curvature[0]), radius - kValue, 2e-3)
+            << spec << " " << lean << " " << angle;
+      }
+    }
+  }
+}
+
+// An edge leaves walls of any normal between those of the parts that meet there.
+TEST(HollowWalls, AreNotKnownOfSharpEndsNorBesideTheShanksEnd) {
+  const auto knows = [](const char* spec, float normal) {
+    return any(HollowWalls(make_bur(spec, "").profile()).know(all4(normal)));
+  };
+  for (const float normal : {-1.0f, -0.5f, 0.0f, 0.5f}) {
+    EXPECT_FALSE(knows("cylinder:D1.2xL3.0", normal)) << normal;
+    EXPECT_FALSE(knows("inverted-cone:D1.2xL1.6xA8", normal)) << normal;
+    EXPECT_TRUE(knows("ball:D1.2", normal)) << normal;
+  }
+  EXPECT_FALSE(knows("taper:D1.4xL4.0xA4", 0.3f));
+  EXPECT_FALSE(knows("cylinder:D1.2xL4.0xR0.3", 0));
+}
+
+}  // namespace
+}  // namespace toothprep::testing
