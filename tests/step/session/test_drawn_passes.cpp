@@ -72,8 +72,8 @@ Spread spread_at(double voxel) {
 }
 
 void expect_small(const Spread& s) {
-  EXPECT_LT(s.mean, 0.5);
-  EXPECT_LT(s.worst, s.cases <= 48 ? 1.5 : 3.5);
+  EXPECT_LT(s.mean, 0.45);
+  EXPECT_LT(s.worst, s.cases <= 48 ? 1.4 : 3.2);
 }
 
 TEST(DrawnPasses, AreRightInTheMeanAtATenthOfAMillimetre) { expect_small(spread_at(0.1)); }

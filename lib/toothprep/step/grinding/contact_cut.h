@@ -20,6 +20,11 @@ constexpr float kFlat = 1e-3f;  // 1/mm; keeps a division defined
 // A border may cross a piece where the field in its middle is this many times its half range from zero.
 constexpr float kMayCross = 1.5f;
 
+constexpr float kWithinPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
+inline Float4 within(const Float4& value, const Float4& bound) {
+  return least(greatest(value, -bound), bound);
+}
+
 // Of walls that stand alone a chip thinner than this (voxels) may be none.
 constexpr float kThinChip = 0.02f;
 // By how much (mm) a wall must stand out that makes a chip as thick as this (mm): one thinner than `most` may be

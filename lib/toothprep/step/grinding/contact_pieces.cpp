@@ -27,8 +27,7 @@ constexpr float kBeside = 4;              // 1 / cosine² up to which an edge li
 constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way at most what was found of a piece stands: between voxels a gradient changes.
 constexpr double kSettledVoxels = 0.1;
-constexpr float kUnbounded = 1e3f;    // mm of way
-constexpr float kWithinPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
+constexpr float kUnbounded = 1e3f;  // mm of way
 // So far ahead (voxels) the bur's own print is out of the way, and a field as steep as this (squared, 1 being a
 // distance) is that of one wall.
 constexpr float kClearOfPrint = 2, kStandsAlone = 0.9f;
@@ -41,10 +40,6 @@ constexpr float kVariance = 1.0f / 3;
 // the middle of pieces there and its rise from the edge to the middle.
 Float4 floor_too_high(const Float4& value, const Float4& rise, float voxel) {
   return rise > 0 ? doubt_of_thin(rise - value, kFloorStandsOut * voxel) : Float4{};
-}
-
-Float4 within(const Float4& value, float bound) {
-  return least(greatest(value, all4(-bound)), all4(bound));
 }
 
 }  // namespace
@@ -217,7 +212,8 @@ ContactModel::AtBorder ContactModel::look_at_border(const Scan& scan, const CutO
   const Float4 way =
       -borders.value /
       greatest(borders.along * by_along + borders.around * by_around, all4(kLeastExtent));
-  const Float4 x = within(way * by_along, kWithinPiece), y = within(way * by_around, kWithinPiece);
+  const Float4 x = within(way * by_along, all4(kWithinPiece)),
+               y = within(way * by_around, all4(kWithinPiece));
   return look_at(scan, cut, x, y, middle, wanted);
 }
 

@@ -27,7 +27,6 @@ constexpr float kAside = 1.5f, kApart = 0.05f;
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
 constexpr float kTaken = 0.015f;
-constexpr float kInPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
 
 // Of a field, how much it changes over 1 mm across a border on the surface, squared.
 Float4 square_of(float half_along, const Float4& half_around, const Float4& along,
@@ -105,13 +104,11 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
     const Float4 per_square = -border.value / greatest(square_of(cut.half_along, cut.half_around,
                                                                  border.along, border.around),
                                                        all4(kLeastExtent));
-    const auto in_piece = [](const Float4& x, const Float4& half) {
-      const Float4 most = kInPiece * half;
-      return least(greatest(x, -most), most);
-    };
     const Wall found = look_at_wall(
-        scan, cut, in_piece(per_square * border.along / cut.half_along, all4(cut.half_along)),
-        in_piece(per_square * border.around / cut.half_around, cut.half_around), far, crossed);
+        scan, cut,
+        within(per_square * border.along / cut.half_along, all4(kWithinPiece * cut.half_along)),
+        within(per_square * border.around / cut.half_around, kWithinPiece * cut.half_around), far,
+        crossed);
     border.replace(crossed, cut.borders(found));
     const bool flat = cut.curvature_along == 0 && !any(cut.curvature_around != 0);
     const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
@@ -164,12 +161,9 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
       square_of(cut.half_along, cut.half_around, border.along, border.around), all4(kLeastExtent));
   const Float4 by_along = border.along / cut.half_along,
                by_around = border.around / cut.half_around;
-  const auto in_piece = [](const Float4& x, const Float4& half) {
-    return least(greatest(x, -half), half);
-  };
   const Float4 to_border = -border.value / square, aside = kAside * cut.voxel / square_root(square);
-  const Float4 x = in_piece(to_border * by_along, all4(cut.half_along)),
-               y = in_piece(to_border * by_around, cut.half_around);
+  const Float4 x = within(to_border * by_along, all4(cut.half_along)),
+               y = within(to_border * by_around, cut.half_around);
   const Float4 dx = -aside * by_around, dy = aside * by_along;
   const auto look_beside = [&](float times) {
     Wall wall = look_at_wall(scan, cut, x + times * dx, y + times * dy, far, wanted);
@@ -183,13 +177,13 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
   // How far each lies within the other (mm, negative).
   const Float4 one = cut.at_most(sides[0], sides[1]) - sides[1].sample.value,
                other = cut.at_most(sides[1], sides[0]) - sides[0].sample.value,
-               within = all4(-kApart * cut.voxel);
-  Int4 ridge = wanted & (one < within) & (other < within) & cut.is_one_wall(sides[0].sample) &
+               apart = all4(-kApart * cut.voxel);
+  Int4 ridge = wanted & (one < apart) & (other < apart) & cut.is_one_wall(sides[0].sample) &
                cut.is_one_wall(sides[1].sample);
   // Unless it was taken since.
   const Int4 known = ridge & cut.knows(sides[0].sample) & cut.knows(sides[1].sample);
   if (any(known)) {
-    const Float4 way = other / least(one + other, within);
+    const Float4 way = other / least(one + other, apart);
     const Place crest{sides[0].x + way * (sides[1].x - sides[0].x),
                       sides[0].y + way * (sides[1].y - sides[0].y),
                       sides[0].z + way * (sides[1].z - sides[0].z)};
