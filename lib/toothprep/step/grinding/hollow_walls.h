@@ -44,9 +44,8 @@ class HollowWalls {
                  ellipse = along_axis * along_axis / (square * square_root(square));
     for (const Arc& arc : arcs_) {
       const Float4 radius = arc.radius + arc.centre * ellipse - value;
-      found = (normal >= arc.from - kNoise) & (normal < arc.to)
-                  ? 1 / greatest(radius, all4(kLeastRadius))
-                  : found;
+      const Int4 here = (normal >= arc.from - kNoise) & (normal < arc.to);
+      found = here ? 1 / greatest(radius, all4(kLeastRadius)) : found;
     }
     return found;
   }
