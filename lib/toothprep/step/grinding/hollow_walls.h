@@ -1,5 +1,6 @@
 // How hollow the walls are that a bur leaves. A wall's normal tells which part of the bur left it, and that part how
-// the wall is curved across the motion: so far from the tip as the bur's profile has no edge and is nowhere hollow.
+// the wall is curved across the motion: so far from the tip as the bur's profile has no edge and is nowhere hollow. The
+// wall is taken to be left by the same bur with the same lean, moving the same way.
 #pragma once
 
 #include <cmath>
