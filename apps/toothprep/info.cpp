@@ -1,5 +1,6 @@
 // toothprep info: what a tooth, trace, trajectory, scan or mesh holds.
 #include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -57,7 +58,12 @@ void describe_tooth(const std::string& path, Json& info, Warnings& warnings) {
   const ToothReading reading = read_tooth_with_warnings(path);
   const LayeredTooth& tooth = reading.tooth;
   warnings = reading.warnings;
-  const PerTissue<double> volume = remaining_volumes_mm3(tooth);
+  PerTissue<double> volume{};
+  std::string tooth_hash, file_hash;
+  tbb::parallel_invoke([&] { tooth_hash = tooth_sha256(tooth); },
+                       [&] { file_hash = sha256_of_file(path); },
+                       [&] { volume = remaining_volumes_mm3(tooth); });
+  info["file_sha256"] = file_hash;
   double solid = 0;
   for (const double v : volume) solid += v;
   const Box box = bounds_of_solid(tooth);
@@ -76,7 +82,7 @@ void describe_tooth(const std::string& path, Json& info, Warnings& warnings) {
                                    {"volume_mm3", volumes[b]}};
     }
   }
-  info["tooth_sha256"] = tooth_sha256(tooth);
+  info["tooth_sha256"] = tooth_hash;
   const ToothFrame frame = recorded_frame(tooth.provenance);
   info["frame"] = frame_text(frame);
   put_frame(info, "frame_", frame);
@@ -363,7 +369,7 @@ void run(const Options& o) {
     describe_mesh(o.file, info, warnings);
   else
     describe_scan(o.file, info);
-  if (!folder) info["file_sha256"] = sha256_of_file(o.file);
+  if (!folder && info["file_sha256"].is_null()) info["file_sha256"] = sha256_of_file(o.file);
   if (!warnings.empty()) info["warnings"] = warnings;
   warn_or_refuse(warnings, o.strict);
   if (o.json)

@@ -1,21 +1,20 @@
-// The program's large blocks of memory lie on huge pages where the system has them: a page fault for
-// each 4 KiB takes longer than what many commands do with what they read. Nothing else depends on it.
+// The program's large blocks of memory lie on huge pages where the system has them. Nothing else
+// depends on it.
 #ifndef TOOTHPREP_SANITIZED  // sanitizers have their own
-#include <sys/mman.h>
-
 #include <cstdlib>
 #include <new>
 
+#include "toothprep/step/core/huge_pages.h"
+
 namespace {
 
-constexpr std::size_t kHugePage = std::size_t{1} << 21;  // bytes, of x86-64 and most of ARM
-constexpr std::size_t kLarge = 2 * kHugePage;
+using toothprep::kHugePage;
 
 void* find_block(std::size_t size) noexcept {
-  if (size < kLarge) return std::malloc(size > 0 ? size : 1);
+  if (size < toothprep::kLeastOnHugePages) return std::malloc(size > 0 ? size : 1);
   void* block = nullptr;
   if (posix_memalign(&block, kHugePage, size) != 0) return nullptr;
-  madvise(block, size, MADV_HUGEPAGE);  // where it fails the pages are small
+  toothprep::advise_huge_pages(block, size);
   return block;
 }
 

@@ -217,6 +217,27 @@ void write_mesh_of(const LayeredTooth& prepared, const std::string& path) {
   write_surface(mesh, path);
 }
 
+Trajectory read_motion(const Options& o, PathFrame& frame) {
+  Trajectory trajectory = read_trajectory(o.trajectory, frame);
+  if (trajectory.unfinished) warn_or_refuse({unfinished_text(o.trajectory)}, o.strict);
+  if (trajectory.rows_every > 1)
+    warn_or_refuse({sparse_text(o.trajectory, trajectory.rows_every)}, o.strict);
+  return trajectory;
+}
+
+std::vector<Finding> judge_inputs(const Options& o, const Trajectory& trajectory,
+                                  const Parameters& parameters) {
+  const auto judged = [&](const Trajectory& t) {
+    return judge_motion(t.samples, drive_of(o.session));
+  };
+  std::vector<Finding> findings =
+      any_rejected(trajectory) ? judged(without_rejected(trajectory)) : judged(trajectory);
+  for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
+  if (o.strict) warn_or_refuse(o.trajectory, findings, true);
+  check_run_memory(o.trajectory, trajectory, parameters.time_step);
+  return findings;
+}
+
 void run(const Options& o, const Common& common) {
   Outputs outputs(o.force);
   outputs.reads({o.session.tooth, o.session.bur, o.session.params, o.trajectory, o.placing.from,
@@ -234,18 +255,19 @@ void run(const Options& o, const Common& common) {
                     o.trace_every, parameters.time_step, kMostBetweenRows,
                     std::floor(kMostBetweenRows / parameters.time_step * (1 + 1e-9))));
   const Bur bur = make_bur(o.session.bur, data_folder() + "/burs");
-  PathFrame frame = PathFrame::kFile;
-  Trajectory trajectory = read_trajectory(o.trajectory, frame);
-  if (trajectory.unfinished) warn_or_refuse({unfinished_text(o.trajectory)}, o.strict);
-  if (trajectory.rows_every > 1)
-    warn_or_refuse({sparse_text(o.trajectory, trajectory.rows_every)}, o.strict);
   const bool loaded = drive_of(o.session) == Drive::kLoad;
-  std::vector<Finding> findings =
-      judge_motion(without_rejected(trajectory).samples, drive_of(o.session));
-  for (Finding& f : judge_parameters(parameters)) findings.push_back(std::move(f));
-  if (o.strict) warn_or_refuse(o.trajectory, findings, true);
-  check_run_memory(o.trajectory, trajectory, parameters.time_step);
-  LayeredTooth tooth = load_tooth(o.session.tooth, o.strict);
+  PathFrame frame = PathFrame::kFile;
+  Trajectory trajectory;
+  std::vector<Finding> findings;
+  ToothReading reading;
+  run_both(
+      [&] {
+        trajectory = read_motion(o, frame);
+        findings = judge_inputs(o, trajectory, parameters);
+      },
+      [&] { reading = read_tooth_with_warnings(o.session.tooth); });
+  warn_or_refuse(reading.warnings, o.strict);
+  LayeredTooth& tooth = reading.tooth;
   if (o.placing.any() || frame == PathFrame::kTooth)
     trajectory = put_on_tooth(std::move(trajectory), frame, tooth, o, common);
   if (loaded) put_load(o.session, o.trajectory, trajectory);
@@ -257,7 +279,6 @@ void run(const Options& o, const Common& common) {
 
   Trace trace;
   trace.parameters_toml = to_toml(parameters);
-  trace.tooth_sha256 = tooth_sha256(tooth);
   trace.toothprep_version = kVersion;
   trace.bur = o.session.bur;
   trace.drive = o.session.drive;
@@ -266,7 +287,9 @@ void run(const Options& o, const Common& common) {
 
   const Interventions interventions = interventions_of(trajectory.events, bur, o.trajectory);
   trace.events = trajectory.events;
-  Workpiece workpiece(tooth);
+  std::optional<Workpiece> ready;
+  run_both([&] { trace.tooth_sha256 = tooth_sha256(tooth); }, [&] { ready.emplace(tooth); });
+  Workpiece& workpiece = *ready;
   const bool terminal = !common.quiet && isatty(2);
   ReplayResult r = replay(bur, workpiece, parameters, drive_of(o.session), path,
                           terminal ? Progress() : std::function<void(double)>(), interventions);

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -46,6 +47,26 @@ TEST_F(InputFileTest, KnowsItsSizeAndReadsWhatIsThere) {
   EXPECT_STREQ(bytes, "789");
   EXPECT_EQ(bytes_of_file(path), "0123456789");
   EXPECT_THROW(bytes_of_file(path, 9), InputError);
+}
+
+TEST_F(InputFileTest, OfALargeFileThePiecesComeInOrder) {
+  const std::string path = (folder_ / "large").string();
+  std::string content((std::size_t{5} << 21) + 5, '\0');  // two pieces and a half
+  for (std::size_t i = 0; i < content.size(); ++i)
+    content[i] = static_cast<char>(i * 2654435761u >> 24);
+  std::ofstream(path, std::ios::binary) << content;
+  std::string joined;
+  const FileBytes bytes = large_file(path, content.size(), [&](std::span<const char> piece) {
+    joined.append(piece.begin(), piece.end());
+  });
+  EXPECT_TRUE(joined == content);
+  EXPECT_TRUE(std::equal(content.begin(), content.end(), bytes.all().begin(), bytes.all().end()));
+  const auto ignore = [](std::span<const char>) {};
+  EXPECT_THROW(large_file(path, content.size() - 1, ignore), InputError);
+  EXPECT_THROW(large_file(path, content.size(), [](std::span<const char>) { throw Error("no"); }),
+               Error);
+  std::ofstream(path, std::ios::trunc).close();
+  EXPECT_EQ(large_file(path, 0, ignore).size, 0u);
 }
 
 TEST_F(InputFileTest, RefusesAtOnceWhatWouldBlockOrNeverEnd) {

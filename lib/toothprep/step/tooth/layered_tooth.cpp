@@ -164,7 +164,9 @@ double volume_mm3(const PackedLevelSet& level_set, double voxel) {
 
 PerTissue<double> remaining_volumes_mm3(const LayeredTooth& tooth) {
   PerTissue<double> volumes{};
-  for (int k = 0; k < 3; ++k) volumes[k] = volume_mm3(tooth.remains[k], tooth.lattice.voxel);
+  tbb::parallel_for(std::size_t{0}, tooth.remains.size(), [&](std::size_t k) {
+    volumes[k] = volume_mm3(tooth.remains[k], tooth.lattice.voxel);
+  });
   constexpr auto kOther = static_cast<std::uint8_t>(Tissue::kOther);
   bool has_other = false;
   for (std::size_t b = 0; b < tooth.tissue.table_size() && !has_other; ++b) {

@@ -18,12 +18,14 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <sstream>
 #include <utility>
 #include <vector>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
+#include "toothprep/step/core/huge_pages.h"
 #include "toothprep/tools/io/input_file.h"
 #include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/io/write_file.h"
@@ -94,12 +96,15 @@ bool looks_like_uuid(const char* text) {
   return true;
 }
 
-std::string id_of_content(const std::string& file) {
+// The beginning of a file, with the id blanked out.
+void hash_head(Sha256& hash, std::span<const char> head) {
   const std::string blank(kIdLength, '0');
-  Sha256 hash;
-  hash.update(file.data(), kIdOffset);
+  hash.update(head.data(), kIdOffset);
   hash.update(blank.data(), blank.size());
-  hash.update(file.data() + kIdOffset + kIdLength, file.size() - kIdOffset - kIdLength);
+  hash.update(head.data() + kIdOffset + kIdLength, head.size() - kIdOffset - kIdLength);
+}
+
+std::string id_of_content(Sha256& hash) {
   std::string id = hash.hex().substr(0, 32);
   id[12] = '8';
   id[16] = '8';
@@ -255,14 +260,14 @@ std::string archive_of(const openvdb::GridPtrVec& grids, const openvdb::MetaMap&
 // The archive in memory as a stream that throws at its end instead of handing out garbage.
 class ByteStream : public std::istream {
  public:
-  explicit ByteStream(std::string& bytes) : std::istream(nullptr), buffer_(bytes) {
+  explicit ByteStream(std::span<char> bytes) : std::istream(nullptr), buffer_(bytes) {
     rdbuf(&buffer_);
     exceptions(std::ios::badbit | std::ios::failbit);
   }
 
  private:
   struct Buffer : std::streambuf {
-    explicit Buffer(std::string& bytes) {
+    explicit Buffer(std::span<char> bytes) {
       setg(bytes.data(), bytes.data(), bytes.data() + bytes.size());
     }
     pos_type seekoff(off_type offset, std::ios_base::seekdir way,
@@ -284,7 +289,7 @@ class ByteStream : public std::istream {
 // A stream over a file's bytes: reads the grids' trees, and then the voxels of one grid's leaves.
 class ArchiveReader : public openvdb::io::Archive {
  public:
-  explicit ArchiveReader(std::string& bytes) : stream_(bytes) {
+  explicit ArchiveReader(std::span<char> bytes) : stream_(bytes) {
     openvdb::io::setStreamMetadataPtr(stream_, stream_meta_, /*transfer=*/false);
     readHeader(stream_);
     setFormatVersion(stream_);
@@ -344,23 +349,55 @@ constexpr const char* kAgain = "make or copy the file again";
 // The bytes of an OpenVDB file that this library reads, and whether they are those that
 // write_tooth() wrote.
 struct Content {
-  std::string bytes;
+  FileBytes file;
   bool ours = false;
 };
 
+// Looks at the first piece, and takes the checksum of our own files.
+class ContentCheck {
+ public:
+  explicit ContentCheck(const std::string& path) : path_(path) {}
+
+  void take(std::span<const char> piece) {
+    if (!begun_)
+      begin(piece);
+    else if (ours_)
+      hash_.update(piece.data(), piece.size());
+  }
+  bool ours() const { return ours_; }
+  // Once there is no further piece.
+  void finish() {
+    if (!begun_) throw InputError(path_, "", "is empty", "give a tooth file (.vdb)");
+    if (ours_ && id_ != id_of_content(hash_))
+      throw InputError(path_, "", std::string(kDamaged) + " (its checksum does not match)", kAgain);
+  }
+
+ private:
+  void begin(std::span<const char> head) {
+    static constexpr std::array<char, 8> kMagic = {' ', 'B', 'D', 'V', 0, 0, 0, 0};
+    if (head.size() < kMagic.size() || !std::equal(kMagic.begin(), kMagic.end(), head.begin()))
+      throw InputError(path_, "", "is not an OpenVDB file",
+                       "give a tooth file (.vdb), as voxelize and specimen write them");
+    if (head.size() < kIdOffset + kIdLength) throw InputError(path_, "", kDamaged, kAgain);
+    id_ = std::string(head.data() + kIdOffset, kIdLength);
+    ours_ = looks_like_uuid(id_.data()) && id_[kIdVersionDigit] == '8';
+    if (ours_) hash_head(hash_, head);
+    begun_ = true;
+  }
+
+  const std::string& path_;
+  Sha256 hash_;
+  std::string id_;
+  bool begun_ = false, ours_ = false;
+};
+
 Content content_of(const std::string& path) {
-  Content content{bytes_of_file(path, kMostBytes)};
-  const std::string& bytes = content.bytes;
-  if (bytes.empty()) throw InputError(path, "", "is empty", "give a tooth file (.vdb)");
-  static constexpr std::array<char, 8> kMagic = {' ', 'B', 'D', 'V', 0, 0, 0, 0};
-  if (bytes.size() < kMagic.size() || !std::equal(kMagic.begin(), kMagic.end(), bytes.begin()))
-    throw InputError(path, "", "is not an OpenVDB file",
-                     "give a tooth file (.vdb), as voxelize and specimen write them");
-  if (bytes.size() < kIdOffset + kIdLength) throw InputError(path, "", kDamaged, kAgain);
-  const std::string id(bytes.data() + kIdOffset, kIdLength);
-  content.ours = looks_like_uuid(id.data()) && id[kIdVersionDigit] == '8';
-  if (content.ours && id != id_of_content(bytes))
-    throw InputError(path, "", std::string(kDamaged) + " (its checksum does not match)", kAgain);
+  ContentCheck check(path);
+  Content content{
+      large_file(path, kMostBytes, [&](std::span<const char> piece) { check.take(piece); })};
+  check.finish();
+  content.ours = check.ours();
+  const std::span<char> bytes = content.file.all();
   std::uint32_t version = 0;
   std::memcpy(&version, bytes.data() + 8, sizeof version);
   if (version > openvdb::OPENVDB_FILE_VERSION)
@@ -372,7 +409,7 @@ Content content_of(const std::string& path) {
   return content;
 }
 
-Archive parse(const std::string& path, std::string& bytes) {
+Archive parse(const std::string& path, std::span<char> bytes) {
   try {
     ByteStream stream(bytes);
     const openvdb::io::Stream archive(stream, /*delayLoad=*/false);
@@ -413,7 +450,7 @@ void for_each_grid(int count, bool parallel, const Work& work) {
 
 // Of a file that write_tooth() wrote: the grids side by side, without the values of leaves, which go
 // from the file to bricks one by one.
-Archive parse_ours(const std::string& path, std::string& bytes) {
+Archive parse_ours(const std::string& path, std::span<char> bytes) {
   try {
     const ArchiveReader reader(bytes);
     Archive result{reader.meta(), std::make_shared<openvdb::GridPtrVec>(), {}};
@@ -537,6 +574,15 @@ class LeafValues {
   std::array<typename Grid::ValueType, kBrickVoxels> values_;
 };
 
+// Room for bricks that are about to be filled, of a grid that is its background throughout: that
+// brick is the first of the grid's storage.
+template <class T>
+void reserve_to_fill(BrickGrid<T>& bricks, std::size_t count) {
+  bricks.reserve(count);
+  if (bricks.table_size() == 0 || !bricks.is_uniform(0) || bricks.is_shared(0)) return;
+  advise_huge_pages(bricks.brick(0), sizeof(T) * kBrickVoxels * bricks.bricks_free());
+}
+
 // Copies leaves and tiles to bricks, and empties the grid. `convert` checks and translates the 512
 // values of a leaf, `convert_tile` a tile's; `store` puts what they are into a brick.
 template <class Grid, class Bricks, class Convert, class ConvertTile, class Store>
@@ -544,7 +590,7 @@ void fill_bricks(Bricks& bricks, LeafValues<Grid> leaves, Grid& grid, Convert co
                  ConvertTile convert_tile, Store store) {
   using T = decltype(bricks.background());
   std::array<T, kBrickVoxels> values;
-  if constexpr (requires { bricks.reserve(1); }) bricks.reserve(grid.tree().leafCount());
+  if constexpr (requires { bricks.reserve(1); }) reserve_to_fill(bricks, grid.tree().leafCount());
   for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
     const auto* stored = leaves.of(*leaf);
     const openvdb::Coord at = leaf->origin();
@@ -801,7 +847,7 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive, bool para
 }
 
 // Reads what nobody vouches for in a child process, whose crash is a refusal.
-void try_reading(const std::string& path, std::string& bytes) {
+void try_reading(const std::string& path, std::span<char> bytes) {
   const std::size_t memory = kTrialMemory + kTrialMemoryPerByte * bytes.size();
   const double seconds = kTrialSeconds + kTrialSecondsPerByte * static_cast<double>(bytes.size());
   const auto failure = failure_in_trial(
@@ -835,12 +881,12 @@ void judge_place(const std::string& path, const LayeredTooth& tooth,
 ToothReading read_tooth_with_warnings(const std::string& path, ReadPolicy policy) {
   openvdb::initialize();
   Content content = content_of(path);
-  if (!content.ours && policy == ReadPolicy::kTrial) try_reading(path, content.bytes);
+  if (!content.ours && policy == ReadPolicy::kTrial) try_reading(path, content.file.all());
   const Archive archive =
-      content.ours ? parse_ours(path, content.bytes) : parse(path, content.bytes);
-  if (!content.ours) std::string().swap(content.bytes);
+      content.ours ? parse_ours(path, content.file.all()) : parse(path, content.file.all());
+  if (!content.ours) content.file = {};
   ToothReading reading{tooth_of(path, archive, /*parallel=*/true), {}};
-  std::string().swap(content.bytes);
+  content.file = {};
   auto stored = find_text(*archive.meta, kHashKey);
   for (const auto& grid : *archive.grids)
     if (!stored && grid) stored = find_text(*grid, kHashKey);
@@ -891,7 +937,9 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
   std::string bytes = archive_of(grids, meta);
   if (bytes.size() < kIdOffset + kIdLength || !looks_like_uuid(bytes.data() + kIdOffset))
     throw Error(path + ": this version of OpenVDB writes a header that toothprep does not know");
-  const std::string id = id_of_content(bytes);
+  Sha256 hash;
+  hash_head(hash, bytes);
+  const std::string id = id_of_content(hash);
   bytes.replace(kIdOffset, kIdLength, id);
   write_file(path, bytes);
 }

@@ -87,7 +87,7 @@ std::vector<HandleSample> resample(const Trajectory& trajectory, double time_ste
   for (std::size_t i = 0; on_grid && i < count; ++i)
     on_grid = std::abs(in[i].time - time_of(i)) <= kSameTime;
   if (on_grid) return in;
-  if (std::any_of(in.begin(), in.end(), [](const HandleSample& s) { return s.rejected; }))
+  if (any_rejected(trajectory))
     return resample(without_rejected(trajectory), time_step, allow_gaps, where);
 
   std::vector<HandleSample> out;
@@ -104,6 +104,11 @@ std::vector<HandleSample> resample(const Trajectory& trajectory, double time_ste
     }
   }
   return out;
+}
+
+bool any_rejected(const Trajectory& trajectory) {
+  return std::any_of(trajectory.samples.begin(), trajectory.samples.end(),
+                     [](const HandleSample& s) { return s.rejected; });
 }
 
 Trajectory without_rejected(const Trajectory& trajectory) {
