@@ -5,7 +5,7 @@
 // Google Benchmark. A thread's CPU time holds the interrupts that come meanwhile: on a virtual
 // machine 50 µs every millisecond, so in one step of 10 µs out of a hundred. So each session is run
 // several times, and undisturbed_... are of the least time of each step.
-// Leaning: along the feed, so that the sweep's places lie nearer to one another (edge_ridges.h).
+// Leaning: along the feed, so that its sharp edge is drawn along the slot (swept_edge.h).
 //
 // Split: steps that go in parts, since the bur is fast. A live loop has half a millisecond for one
 // (split_step.h).

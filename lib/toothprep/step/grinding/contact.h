@@ -38,6 +38,7 @@
 #include "toothprep/step/grinding/covered_part.h"
 #include "toothprep/step/grinding/hollow_walls.h"
 #include "toothprep/step/grinding/kept_cells.h"
+#include "toothprep/step/grinding/swept_slot.h"
 #include "toothprep/step/grinding/workpiece.h"
 
 namespace toothprep {
@@ -107,6 +108,8 @@ class ContactModel {
   struct AtBorder;
   struct Wall;
   struct Probe;
+  struct Slots;
+  struct Displaced;
   // Four elements under way that are looked at as a whole.
   struct Look;
   // What a look needs to know of an element, four numbers at a time (mm, B).
@@ -154,6 +157,9 @@ class ContactModel {
                           const Float4& y, const Place& middle, const Int4& wanted) noexcept;
   void cover_by_far_walls(const Scan& scan, const CutOfPieces& cut, const Int4& may_count,
                           Lanes& lanes) const noexcept;
+  Int4 cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                      const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
+  static void cover_by(const Slots& slots, const Int4& one, const Int4& two, Lanes& lanes) noexcept;
   static void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far,
                             const Int4& wanted, Lanes& lanes) noexcept;
   static void cover_grooves(const Scan& scan, const CutOfPieces& cut, const Place& far,
@@ -185,6 +191,8 @@ class ContactModel {
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
   std::vector<float> edge_;  // which way along the profile a sharp edge lies at it: 1, -1, or 0
   HollowWalls walls_;
+  std::vector<SweptSlot> slot_;  // of a flat end: one or none
+  bool leaves_slots_ = false;    // as the bur moves now
   bool has_edges_ = false;
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole

@@ -47,6 +47,11 @@ struct ContactModel::Wall {
   }
 };
 
+// From the middles of four pieces, mm, B.
+struct ContactModel::Displaced {
+  Float4 x, y, z;
+};
+
 // Four pieces of an element against the cut: where its field, by what is found of it, divides them.
 struct ContactModel::CutOfPieces {
   const PieceAxes& axes;
@@ -86,6 +91,14 @@ struct ContactModel::CutOfPieces {
         vt((ux * axes.around_x + uy * axes.around_y) * (per_speed / half_around)),
         bend(greatest(curvature_along * vl * vl + curvature_around * vt * vt, Float4{})) {}
 
+  // To places x, y (-1 .. 1) on the pieces.
+  Displaced displaced(const Float4& x, const Float4& y) const {
+    const PieceAxes& a = axes;
+    const Float4 xx = x * x, yy = y * y, wide = y * (1 + a.widening * x);
+    return {a.along_x * x + a.around_x * wide + a.bent_along_x * xx + a.bent_around_x * yy,
+            a.along_y * x + a.around_y * wide + a.bent_along_y * xx + a.bent_around_y * yy,
+            a.along_z * x + a.bent_along_z * xx};
+  }
   // Of a field with gradient g (B, per mm), its change along the motion.
   Float4 rise(const FourSamples& g) const {
     return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);

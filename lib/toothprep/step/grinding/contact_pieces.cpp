@@ -221,15 +221,9 @@ ContactModel::AtBorder ContactModel::look_at_border(const Scan& scan, const CutO
 ContactModel::AtBorder ContactModel::look_at(const Scan& scan, const CutOfPieces& cut,
                                              const Float4& x, const Float4& y, const Place& middle,
                                              const Int4& wanted) noexcept {
-  const PieceAxes& axes = cut.axes;
-  const Float4 xx = x * x, yy = y * y, wide = y * (1 + axes.widening * x);
-  const Float4 dx = axes.along_x * x + axes.around_x * wide + axes.bent_along_x * xx +
-                    axes.bent_around_x * yy,
-               dy = axes.along_y * x + axes.around_y * wide + axes.bent_along_y * xx +
-                    axes.bent_around_y * yy,
-               dz = axes.along_z * x + axes.bent_along_z * xx;
   const IndexFrame& f = scan.frame;
-  const FourPlaces at = middle.beside(f, dx, dy, dz);
+  const Displaced d = cut.displaced(x, y);
+  const FourPlaces at = middle.beside(f, d.x, d.y, d.z);
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
   return {x, y, f.gradients(cells.at(at.fx, at.fy, at.fz))};

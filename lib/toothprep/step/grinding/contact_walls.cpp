@@ -12,8 +12,8 @@
 namespace toothprep {
 namespace {
 
-// The samples lie where the bur's own print is so far away (voxels), of a wall and of what is looked at beside a
-// groove.
+// The samples lie where the bur's own print is so far away (voxels), of a wall and of what is looked at around a
+// groove or a slot.
 constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
 // Of a piece that less than this was found to be covered of, a wall takes off. It adds to it only at a sharp edge and on
 // a flat end, where it crosses the surface at more than this angle (sine squared): else it may be what this part of the
@@ -57,10 +57,17 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   const Float4 way = way_from_print(kFromPrint);
   // Deeper in the void than the print makes it and than half of a piece is large, no wall crosses it.
   const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
-  const Int4 wanted = may_count & near & (way > static_cast<float>(look_ahead_));
-  if (!any(wanted)) return;
-  if (has_edges_) cover_grooves(scan, cut, ahead(way_from_print(kGrooveFromPrint)), wanted, s);
-  const Int4 others = wanted & ~s.groove;
+  Int4 others = may_count & near;
+  const Float4 way_there = way_from_print(kGrooveFromPrint);
+  const Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
+  if (leaves_slots_ && any(beside_slots))
+    others &= ~cover_by_slots(scan, cut, ahead(way_there),
+                              way_there * (advance + 0.5f * cut.bend * way_there), beside_slots, s);
+  others &= way > static_cast<float>(look_ahead_);
+  if (has_edges_ && any(others)) {
+    cover_grooves(scan, cut, ahead(way_there), others, s);
+    others &= ~s.groove;
+  }
   if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
 }
 

@@ -26,6 +26,8 @@ constexpr double kLeastDue = 0.05;  // mm
 constexpr double kSubPoses = 0.55;
 // Where a sharp edge cuts, nearer, so that the ridges between them are no higher than this part of it.
 constexpr double kRidge = 0.03;
+// Unless no point of the head turns by this (voxels): then the sweep of an edge is known (swept_edge.h).
+constexpr double kTurns = 0.01;
 // Bricks are carved in blocks of 4³ voxels: those wholly inside or outside of the bur's band are
 // judged by their centre.
 constexpr int kBlockRows = kBlockEdge * kBlockEdge, kBlockVoxels = kDistanceBlock;
@@ -125,6 +127,7 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
              (kBandVoxels + kHalfBlock + 1) * workpiece.voxel()),
       last_(pose),
       carved_at_(pose) {
+  for (const SharpEdge& edge : sharp_edges(bur.profile())) edges_.emplace_back(edge);
   way_.reserve(kMostWaypoints);
   sub_poses_.reserve(kMaxSubPoses);
   from_brick_.resize(kMaxSubPoses);
@@ -209,7 +212,15 @@ void Removal::plan() noexcept {
 void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
   const double voxel = workpiece_.voxel();
   const Vec3 way = way_in_bur(from, to);
-  const double ridge = way.squaredNorm() > 0 ? ridges_.height_per_step(way.normalized()) : 0;
+  double ridge = way.squaredNorm() > 0 ? ridges_.height_per_step(way.normalized()) : 0;
+  const double turn = from.orientation.angularDistance(to.orientation) * arm_;
+  edges_draw_ = ridge > 0 && one_least_ && turn < kTurns * voxel;
+  drawn_deeper_ = 0;
+  if (edges_draw_) {
+    for (SweptEdge& edge : edges_) edge.move(way.normalized());
+    drawn_way_ = static_cast<float>(way.norm());
+    drawn_deeper_ = static_cast<float>(std::exchange(ridge, 0) * kSubPoses * due_distance_);
+  }
   const double spacing = due_distance_ * (ridge * kSubPoses > kRidge ? kRidge / ridge : kSubPoses);
   const auto count = static_cast<int>(std::clamp(std::ceil(displacement(from, to) / spacing), 1.0,
                                                  static_cast<double>(kMaxSubPoses)));
@@ -397,10 +408,10 @@ void Removal::sweep_block(const Index3& first, int block, Range near, UnderWay& 
   for (std::size_t i = near.begin; i < near.end; ++i)
     if (d[kBlocks * i] < d[kBlocks * best]) best = i;
   // Whether it is near enough, and can cut something deeper than it is.
-  const auto cuts = [&](std::size_t i) {
-    return d[kBlocks * i] <= half + band && low < half - d[kBlocks * i] + kDistanceRounding;
+  const auto cuts = [&](std::size_t i, float deeper = kDistanceRounding) {
+    return d[kBlocks * i] <= half + band && low < half - d[kBlocks * i] + deeper;
   };
-  if (!cuts(best)) return;
+  if (!cuts(best, kDistanceRounding + drawn_deeper_)) return;
   if (d[kBlocks * best] < -half - band) return put_block(block, kGone.data(), b);
   const Eigen::Vector3f corner = corner_of_block(block).cast<float>();
   const auto offset = [&](std::size_t i) -> Eigen::Vector3f {
@@ -419,8 +430,30 @@ void Removal::sweep_block(const Index3& first, int block, Range near, UnderWay& 
       if (!deepens(i) && one_least_) break;
     for (std::size_t i = best; i-- > near.begin;)
       if (!deepens(i) && one_least_) break;
+    if (edges_draw_) draw_edges(offset(sub_poses_.size() - 1), deepest);
   }
   put_block(block, deepest, b);
+}
+
+// deepest <- max(deepest, -d_edge) with what sharp edges sweep, of the 4³ voxels from `offset` (voxels from the tip at
+// the last sub-pose).
+void Removal::draw_edges(const Eigen::Vector3f& offset, float* deepest) const noexcept {
+  const float* m = sub_poses_.back().to_bur;
+  const Float4 k{0, 1, 2, 3};
+  for (const SweptEdge& edge : edges_) {
+    if (!edge.draws()) continue;
+    for (int row = 0; row < kBlockRows; ++row) {
+      const Eigen::Vector3f first =
+          place(m, offset + Eigen::Vector3f(static_cast<float>(row / kBlockEdge),
+                                            static_cast<float>(row % kBlockEdge), 0));
+      const Float4 z = first.z() + k * m[8];
+      const SweptEdge::Sample cut =
+          edge.at(edge.across(first.x() + k * m[2], first.y() + k * m[5], z - edge.height()));
+      const Float4 way = edge.way_to(z, cut.distance), before = load4(deepest + kBlockEdge * row);
+      const Int4 counts = cut.counts & (way <= 0) & (way >= -drawn_way_);
+      store4(counts ? greatest(before, -cut.distance) : before, deepest + kBlockEdge * row);
+    }
+  }
 }
 
 // Where the sub-pose that is nearest to a block, `offset` voxels from the tip, has nothing to cut

@@ -3,7 +3,8 @@
 //
 // A cut is due when the bur has moved one voxel since the last, or 0.05 mm with finer voxels (Eq. 20
 // as a distance: it needs no clock). A cut sweeps the bur along its way since the last cut in sub-poses
-// of half that way or less, so that a fast move can't jump over tissue. Its work is spread over the following steps, brick by
+// of half that way or less, so that a fast move can't jump over tissue; what sharp edges cut between these is added
+// (swept_edge.h). Its work is spread over the following steps, brick by
 // brick, so that no step pays for a whole cut; the carved bricks are put in place all at once when
 // the last is done, so that contact never reads a field that is half carved. Until then the bur meets
 // the same tissue a little deeper below its surface.
@@ -15,6 +16,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/grinding/edge_ridges.h"
 #include "toothprep/step/grinding/feed_sides.h"
+#include "toothprep/step/grinding/swept_edge.h"
 #include "toothprep/step/grinding/workpiece.h"
 
 namespace toothprep {
@@ -78,6 +80,7 @@ class Removal {
   void carve_brick(std::size_t brick) noexcept;
   void measure_brick(const Vec3& centre) noexcept;
   void measure_blocks(const Index3& first, Range near) noexcept;
+  void draw_edges(const Eigen::Vector3f& offset, float* deepest) const noexcept;
   void sweep_block(const Index3& first, int block, Range near, UnderWay& b) noexcept;
   FeedSides::Side side_of_block(std::size_t nearest, const Eigen::Vector3f& offset) const noexcept;
   bool carve_block(const SubPose& pose, const Eigen::Vector3f& offset, float* deepest) noexcept;
@@ -87,18 +90,20 @@ class Removal {
 
   const Bur& bur_;
   Workpiece& workpiece_;
-  double due_distance_;        // mm
-  double voxel_volume_;        // mm³
-  double arm_;                 // mm, longest from the tip to a point of the head
-  bool convex_;                // the head
-  EdgeRidges ridges_;          // of its sweeps
-  FeedSides sides_;            // of blocks
-  Pose last_;                  // where the last planned cut ended
-  bool last_carved_ = false;   // there the head has cut, too
-  std::vector<Waypoint> way_;  // from there on; capacity reserved once
-  Pose carved_at_;             // of the last call of carve()
-  double way_since_plan_ = 0;  // mm
-  bool advanced_ = false;      // since then
+  double due_distance_;  // mm
+  double voxel_volume_;  // mm³
+  double arm_;           // mm, longest from the tip to a point of the head
+  bool convex_;          // the head
+  EdgeRidges ridges_;
+  std::vector<SweptEdge> edges_;  // sharp ones
+                                  // of its sweeps
+  FeedSides sides_;               // of blocks
+  Pose last_;                     // where the last planned cut ended
+  bool last_carved_ = false;      // there the head has cut, too
+  std::vector<Waypoint> way_;     // from there on; capacity reserved once
+  Pose carved_at_;                // of the last call of carve()
+  double way_since_plan_ = 0;     // mm
+  bool advanced_ = false;         // since then
   bool paused_ = false, resumes_ = false;
 
   // The cut under way: sub-poses, and the box of bricks it may touch with a cursor in it.
@@ -107,7 +112,11 @@ class Removal {
   // are tried from the nearest on as long as they cut deeper.
   bool one_least_ = false;
   FeedSides::Motion motion_{};
-  bool by_sides_ = false;     // motion_ tells
+  bool edges_draw_ = false;  // edges_ tell what lies between the sub-poses
+  float drawn_way_ = 0,
+        drawn_deeper_ =
+            0;             // mm: of the sweep; by how much edges cut deeper than sub-poses, at most
+  bool by_sides_ = false;  // motion_ tells
   bool from_carved_ = false;  // the place before the first sub-pose has been carved
   bool late_ = false;         // it is of much more way than is due: as fast as a step may
   // mm, from the bur at each sub-pose: of a brick's centre, and of those of its blocks.

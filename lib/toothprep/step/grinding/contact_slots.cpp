@@ -1,0 +1,286 @@
+// Slots that a flat end left which leans along the motion. Floor and walls follow from where such a slot went, two
+// numbers, and these from the lattice by least squares. Where one slot or two make all of the lattice's values around
+// four pieces, what is covered is known however narrow the corners are.
+#include <algorithm>
+#include <cmath>
+
+#include "toothprep/step/grinding/contact.h"
+#include "toothprep/step/grinding/contact_cut.h"
+#include "toothprep/step/grinding/contact_frame.h"
+#include "toothprep/step/grinding/covered_part.h"
+
+namespace toothprep {
+namespace {
+
+// The lattice's values are those that slots make if none differs by more than this (voxels).
+constexpr float kExplained = 0.05f;
+// What is farther from a slot's surface than this (voxels) says nothing of where it is, and nothing crosses a piece
+// whose middle is this much farther than its rim.
+constexpr float kFarOff = 2.5f, kBeyondRim = 1.5f;
+// A value may be that of the bur's own print if it is no more than this (voxels) above it, and all of a cell is if its
+// middle isn't that much above. With fewer values of a cell than this it isn't known what slot is there.
+constexpr float kAbovePrint = 0.1f, kOtherThanPrint = 0.02f;
+constexpr int kLeastValues = 4;
+constexpr float kLeastSteep = 0.2f;  // squared, of a slot's field
+constexpr int kSteps = 3;            // of least squares
+constexpr float kDamped = 1e-5f, kLeastDamp = 1e-9f, kMostStep = 0.5f;  // of its matrix; mm
+
+// Chips that thin (voxels) may be none: slots are known better than single walls.
+constexpr float kThinSlot = 0.005f;
+
+// Cells are looked at in a piece's middle and near its corners (of half its extents); and so far beyond these (voxels),
+// where a slot stands alone.
+constexpr float kNearCorner = 0.8f, kBeyondCorner = 1.5f;
+constexpr int kCellsInPiece = 5, kCells = 9, kCorners = 8;
+// What is covered is summed over so many parts of a piece each way.
+constexpr int kParts = 3;
+
+}  // namespace
+
+struct ContactModel::Slots {
+  using Place = SweptSlot::Place;
+
+  const Scan& scan;
+  const CutOfPieces& cut;
+  const SweptSlot& slot;
+  const ContactModel::Place& far;                // middles of the pieces, so far ahead
+  Float4 from_print;                             // mm, there
+  Place along, around, bent_along, bent_around;  // of the pieces
+  Float4 rise[3], along_motion[3];  // over a cell, mm: along the pieces' normal, and the motion
+  Place side[3];                    // of a cell
+  FourCells cells[kCells];
+  Place first[kCells];     // corners, from the pieces' middles
+  Float4 outside[kCells];  // of these from the pieces, along their normal, mm
+  Place origin[2];         // of the slots
+
+  Slots(const Scan& in, const CutOfPieces& of, const SweptSlot& swept,
+        const ContactModel::Place& middles, const Float4& print)
+      : scan(in), cut(of), slot(swept), far(middles), from_print(print) {
+    const PieceAxes& p = cut.axes;
+    const SweptEdge& edge = slot.edge();
+    along = edge.across(p.along_x, p.along_y, p.along_z);
+    around = edge.across(p.around_x, p.around_y, Float4{});
+    bent_along = edge.across(p.bent_along_x, p.bent_along_y, p.bent_along_z);
+    bent_around = edge.across(p.bent_around_x, p.bent_around_y, Float4{});
+    const float square = cut.voxel * cut.voxel;
+    for (int i = 0; i < 3; ++i) {
+      const float *a = scan.frame.a + 3 * i, x = square * a[0], y = square * a[1],
+                  z = square * a[2];
+      side[i] = edge.across(all4(x), all4(y), all4(z));
+      rise[i] = x * cut.nx + y * cut.ny + z * cut.nz;
+      along_motion[i] = cut.per_speed * (x * cut.ux + y * cut.uy + z * cut.uz);
+    }
+  }
+
+  // At x, y (-1 .. 1) of the pieces.
+  Place place(const Float4& x, const Float4& y) const {
+    return x * along + y * (1 + cut.axes.widening * x) * around + x * x * bent_along +
+           y * y * bent_around;
+  }
+  template <class T>
+  static T to_corner(int k, const T (&of_side)[3]) {
+    return all4(static_cast<float>(k >> 2)) * of_side[0] +
+           all4(static_cast<float>((k >> 1) & 1)) * of_side[1] +
+           all4(static_cast<float>(k & 1)) * of_side[2];
+  }
+  Place corner(int cell, int k) const { return first[cell] + to_corner(k, side); }
+
+  void read(int cell, const Float4& x, const Float4& y, const Int4& wanted) {
+    const Displaced d = cut.displaced(x, y);
+    const IndexFrame& f = scan.frame;
+    const FourPlaces at = far.beside(f, d.x, d.y, d.z);
+    cells[cell].read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
+                     wanted);
+    first[cell] = place(x, y) - (at.fx * side[0] + at.fy * side[1] + at.fz * side[2]);
+    outside[cell] = cut.nx * d.x + cut.ny * d.y + cut.nz * d.z -
+                    (at.fx * rise[0] + at.fy * rise[1] + at.fz * rise[2]);
+  }
+  // Whether a value may be that of the bur's own print: it says only that no slot is above it.
+  Int4 is_print(int cell, int k) const {
+    return cells[cell].corner(k) + from_print + outside[cell] + to_corner(k, rise) <
+           kAbovePrint * cut.voxel;
+  }
+  // In the middle of a cell.
+  Float4 middle_of(int cell) const {
+    const Float4 half = all4(0.5f);
+    return cells[cell].at(half, half, half).value;
+  }
+  // Whether there is more than the print.
+  Int4 is_other(int cell) const {
+    const Float4 half = all4(0.5f);
+    return middle_of(cell) + from_print + outside[cell] + half * (rise[0] + rise[1] + rise[2]) >
+           kOtherThanPrint * cut.voxel;
+  }
+  // Whether a slot may be as near to a cell as `rim` (mm): so near the print tells nothing of it.
+  Int4 may_be_near(int cell, const Float4& rim) const {
+    const Float4 most = rim + kBeyondRim * cut.voxel;
+    return (magnitude(middle_of(cell)) < most) & (is_other(cell) | (from_print < most));
+  }
+  SweptSlot::Sample sample(int slots, const Place& at) const {
+    SweptSlot::Sample s = slot.at(at - origin[0]);
+    if (slots == 1) return s;
+    const SweptSlot::Sample other = slot.at(at - origin[1]);
+    s.replace(other.value > s.value, other);
+    return s;
+  }
+  // Whether so many slots make a cell's values.
+  Int4 explain(int slots, int cell) const {
+    const float most = kExplained * cut.voxel, far_off = kFarOff * cut.voxel;
+    Int4 good{-1, -1, -1, -1};
+    for (int k = 0; k < kCorners; ++k) {
+      const Float4 value = sample(slots, corner(cell, k)).value, has = cells[cell].corner(k),
+                   over = value - has;
+      good &= (magnitude(over) < most) | (is_print(cell, k) & (over < most)) |
+              ((has > far_off) & (value > far_off));
+    }
+    return good;
+  }
+  Int4 explain(int slots) const {
+    Int4 good = explain(slots, 0);
+    for (int cell = 1; cell < kCellsInPiece; ++cell) good &= explain(slots, cell);
+    return good;
+  }
+  // Puts a slot where a cell's gradient says. Whether there may be one along the motion.
+  Int4 begin(int number, int cell, const Int4& where) {
+    const Float4 half = all4(0.5f);
+    const FourSamples in_cell = cells[cell].at(half, half, half);
+    const float per_square = 1 / (cut.voxel * cut.voxel);
+    const auto sum = [&](const auto& of_side) {
+      return per_square * in_cell.gx * of_side[0] + per_square * in_cell.gy * of_side[1] +
+             per_square * in_cell.gz * of_side[2];
+    };
+    const SweptSlot::Sample s{in_cell.value, sum(side)};
+    const Place middle = first[cell] + half * (side[0] + side[1] + side[2]),
+                from = middle - slot.place_of(s);
+    origin[number].l = where ? from.l : origin[number].l;
+    origin[number].h = where ? from.h : origin[number].h;
+    Int4 values{};
+    for (int k = 0; k < kCorners; ++k) values += 1 + is_print(cell, k);
+    const Float4 steep = s.gradient.l * s.gradient.l + s.gradient.h * s.gradient.h;
+    return where & (values >= kLeastValues) & (kAlong * magnitude(sum(along_motion)) < 1) &
+           (steep > kLeastSteep) & (magnitude(s.value) < kFarOff * cut.voxel);
+  }
+  // One step of least squares, by the cells that count.
+  void improve(int number, const Int4 (&counts)[kCells]) {
+    Float4 ll{}, lh{}, hh{};
+    Place error{};
+    for (int cell = 0; cell < kCells; ++cell) {
+      if (!any(counts[cell])) continue;
+      for (int k = 0; k < kCorners; ++k) {
+        const SweptSlot::Sample s = slot.at(corner(cell, k) - origin[number]);
+        const Float4 has = cells[cell].corner(k);
+        const Int4 use = counts[cell] & ~is_print(cell, k) & (magnitude(has) < kFarOff * cut.voxel);
+        const Place g{use ? s.gradient.l : Float4{}, use ? s.gradient.h : Float4{}};
+        ll += g.l * g.l, lh += g.l * g.h, hh += g.h * g.h;
+        error = error + (has - s.value) * g;
+      }
+    }
+    const Float4 damp = kDamped * (ll + hh) + kLeastDamp;
+    ll += damp, hh += damp;
+    const Float4 per = 1 / (ll * hh - lh * lh), most = all4(kMostStep);
+    origin[number] = origin[number] + Place{within(per * (lh * error.h - hh * error.l), most),
+                                            within(per * (lh * error.l - ll * error.h), most)};
+  }
+  // The slot that a cell tells of, where there is one; with those before it makes the cell's values.
+  Int4 find(int number, int cell, const Int4& where) {
+    Int4 counts[kCells] = {};
+    counts[cell] = begin(number, cell, where);
+    if (!any(counts[cell])) return counts[cell];
+    for (int i = 0; i < kSteps; ++i) improve(number, counts);
+    return counts[cell] & explain(number + 1, cell);
+  }
+};
+
+// What is covered by where slots are: by nine parts of a piece.
+void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two,
+                            Lanes& s) noexcept {
+  constexpr float kHalf = 1.0f / kParts;
+  constexpr int kAll = kParts * kParts;
+  const CutOfPieces& cut = slots.cut;
+  const auto middle_of = [](int part) { return kHalf * static_cast<float>(2 * part + 1 - kParts); };
+  Borders borders[kAll];
+  Float4 thick{};
+  for (int k = 0; k < kAll; ++k) {
+    const Float4 x = all4(middle_of(k / kParts)), y = all4(middle_of(k % kParts)),
+                 wide = 1 + cut.axes.widening * x;
+    const SweptSlot::Place at = slots.place(x, y);
+    SweptSlot::Sample g = slots.sample(1, at);
+    if (any(two)) g.replace(two, slots.sample(2, at));
+    const auto along = [&](const SweptSlot::Place& way) {
+      return kHalf * (g.gradient.l * way.l + g.gradient.h * way.h);
+    };
+    borders[k] = {
+        g.value,
+        along(slots.along + cut.axes.widening * y * slots.around + 2 * x * slots.bent_along),
+        along(wide * slots.around + 2 * y * slots.bent_around)};
+    thick = greatest(thick, magnitude(borders[k].along) + magnitude(borders[k].around) - g.value);
+  }
+  const Float4 doubt = doubt_of_thin(thick, kThinSlot * cut.voxel);
+  CoveredPart<Float4> sum{};
+  Borders border{};  // as straight as it is on the whole
+  for (int k = 0; k < kAll; ++k) {
+    const float x = middle_of(k / kParts), y = middle_of(k % kParts);
+    borders[k].value += doubt;
+    const CoveredPart<Float4> part = borders[k].part();
+    sum.share += part.share;
+    sum.x += part.share * (x + kHalf * part.x), sum.y += part.share * (y + kHalf * part.y);
+    border.value += borders[k].value;
+    border.along += x * borders[k].value, border.around += y * borders[k].value;
+  }
+  const Float4 per_share = 1 / greatest(sum.share, all4(kLeastShare));
+  const Int4 where = one | two;
+  s.cover(where, {(1.0f / kAll) * sum.share, per_share * sum.x, per_share * sum.y});
+  constexpr float kSquare = kAll * (1 - kHalf * kHalf) / 3;  // sum of the places' squares
+  s.cut.replace(where, {(1.0f / kAll) * border.value, (1 / kSquare) * border.along,
+                        (1 / kSquare) * border.around});
+}
+
+// Pieces of which one slot or two are all that there is; the others are left. `far`: their middles, so far ahead that
+// the bur's own print is `from_print` (mm) away.
+Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                                  const Float4& from_print, const Int4& wanted,
+                                  Lanes& s) const noexcept {
+  Slots slots(scan, cut, slot_.front(), far, from_print);
+  const Float4 rim = cut.half_along + cut.half_around;
+  slots.read(0, Float4{}, Float4{}, wanted);
+  Int4 left = wanted & slots.may_be_near(0, rim);
+  if (!any(left)) return Int4{};
+  const auto read_four = [&](int from, const Float4& x, const Float4& y) {
+    for (int k = 0; k < 4; ++k) slots.read(from + k, k & 1 ? x : -x, k & 2 ? y : -y, left);
+  };
+  read_four(1, all4(kNearCorner), all4(kNearCorner));
+  Int4 others{};  // than the print
+  for (int cell = 0; cell < kCellsInPiece; ++cell) others |= slots.is_other(cell);
+  left &= others;
+  bool has_all = false;
+  const auto read_all = [&] {
+    if (!has_all)
+      read_four(kCellsInPiece, all4(1 + kBeyondCorner * cut.voxel / cut.half_along),
+                1 + kBeyondCorner * cut.voxel / cut.half_around);
+    has_all = true;
+  };
+  Int4 one{}, two{}, tried{};  // with another first slot: twice is enough
+  for (int cell = 0; cell < kCells && any(left); ++cell) {
+    if (cell == kCellsInPiece) read_all();
+    const Int4 found = slots.find(0, cell, left);
+    if (!any(found)) continue;
+    Int4 counts[kCells] = {};
+    for (int c = 0; c < kCellsInPiece; ++c) counts[c] = found & slots.explain(1, c);
+    slots.improve(0, counts);
+    const Int4 alone = found & slots.explain(1);
+    one |= alone, left &= ~alone;
+    Int4 open = found & left;
+    if (any(open)) read_all();
+    for (int other = 0; other < kCells && any(open); ++other) {
+      Int4 both = slots.find(1, other, open & ~counts[other]);
+      if (any(both)) both &= slots.explain(2);
+      two |= both, left &= ~both, open &= ~both;
+    }
+    left &= ~(found & tried);
+    tried |= found;
+  }
+  if (any(one | two)) cover_by(slots, one, two, s);
+  return one | two;
+}
+
+}  // namespace toothprep
