@@ -63,5 +63,15 @@ TEST(FreshSlots, AcrossTheBorderOfTissuesTakeTheirPower) {
   EXPECT_LT(worst, 0.0004);
 }
 
+// Pieces of straight sides are as long as the band of the tissues' level sets is wide there.
+TEST(FreshSlots, AcrossTheBorderOfTissuesTakeTheirPowerWithFineVoxels) {
+  for (const Passes& p : {Passes{"cylinder:D1.2xL3.0", 1, 0.31, -0.17, 0.6, {0}},
+                          Passes{"taper:D1.4xL4.0xA4", 0.97, -0.31, 0.24, 0.6, {0}}}) {
+    const double error = work_per_mm_in_the_middle(p, 0.025) / (energy_of(p)[0] / kLength) - 1;
+    std::printf("%-20s %.2f mm deep: %+.3f %%\n", p.bur, p.depth, 100 * error);
+    EXPECT_NEAR(error, 0, 0.0003) << p.bur;
+  }
+}
+
 }  // namespace
 }  // namespace toothprep::testing

@@ -249,9 +249,9 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   const float value = s.value[p], extent = s.extent[p], clear = s.clear[p];
   Standing& standing = standing_[i];
   standing.share = share_inside(value, extent);
-  // A strip is as long as the element: the tooth's surface that crosses it must be known as far.
-  const bool known =
-      standing.inside_tooth || elements_.half_along[i] + voxel < scan.workpiece.band();
+  // A strip is as long as the element: what crosses it of the tooth's surface and its tissues must be known as far.
+  const bool known = (standing.inside_tooth && standing.only != 0) ||
+                     elements_.half_along[i] + voxel < scan.workpiece.band();
   standing.strips = (clear < 0 || !standing.oblique) && elements_.curvature_along[i] == 0 &&
                     known && s.along[p] < kAlongWall * elements_.half_around[i] &&
                     !floor_at_edge(scan, p, s);
