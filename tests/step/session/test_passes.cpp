@@ -139,6 +139,55 @@ TEST(OverlappingPasses, BesideAndBelowASlotOfAFlatEndThatLeansAlongItsFeedTheWor
   }
 }
 
+// What is known of walls that the same bur left with the same lean must not be taken for known of others.
+TEST(OverlappingPasses, BesideASlotOfAnotherBurOrLeanTheWorkIsRight) {
+  struct Pass {
+    const char* bur;
+    double across, along, depth, z;
+  };
+  const char *ball = "ball:D1.2", *small = "ball:D0.9", *cylinder = "cylinder:D1.2xL3.0",
+             *taper = "taper:D1.4xL4.0xA4", *cone = "inverted-cone:D1.2xL1.6xA8";
+  const std::vector<std::vector<Pass>> cases = {
+      {{ball, 0, 0, 0.5, 0}, {cylinder, 0.05, 0.12, 0.4, 0.3}},
+      {{cylinder, 0.05, 0.12, 0.4, 0}, {ball, 0, 0, 0.5, 0.3}},
+      {{ball, 0, 0, 0.5, 0}, {small, 0, 0, 0.45, -0.35}},
+      {{cylinder, 0.1, 0.12, 0.4, 0}, {cylinder, 0.1, -0.08, 0.45, 0.25}},
+      {{cylinder, 0.1, 0.12, 0.4, 0}, {cone, -0.1, 0.12, 0.45, -0.3}},
+      {{taper, 0.1, 0.2, 0.5, 0}, {taper, -0.1, 0.05, 0.5, 0.3}},
+      {{cylinder, 0.1, 0.12, 0.4, 0}, {taper, 0.1, 0.12, 0.5, 0.4}},
+  };
+  for (const double voxel : {0.1, 0.05})
+    for (const std::vector<Pass>& passes : cases) {
+      const LayeredTooth tooth = block(voxel, 2, Vec3(kLength, 3, 4));
+      Workpiece workpiece(tooth);
+      std::vector<Bur> burs;
+      for (const Pass& p : passes) burs.push_back(make_bur(p.bur, ""));
+      std::vector<reference::StraightPass> straight;
+      for (std::size_t i = 0; i < passes.size(); ++i) {
+        const Pass& p = passes[i];
+        straight.push_back({&burs[i], upright_leant(p.across, p.along), Vec3(0, -p.depth, p.z)});
+      }
+      const std::vector<PerTissue<double>> areas =
+          reference::newly_swept_sections(straight, reference::Block{Vec3(kLength, 3, 4), 2});
+      for (std::size_t i = 0; i < passes.size(); ++i) {
+        HandleSample handle{0, Pose{straight[i].tip, straight[i].orientation}, kPedalButton};
+        handle.pose.position.x() = -kStart;
+        Session session(burs[i], workpiece, paper_without_stall(), Drive::kDirect, handle);
+        for (double x = -kStart; x <= kStart; x += 8e-3) {
+          handle.time += 1e-3;
+          handle.pose.position.x() = x;
+          session.step(handle);
+        }
+        const double energy = kLength * 300 * areas[i][0], slot = kLength * 300 * areas[0][0];
+        std::printf("%.2f mm, %-28s %.4f (%+.2f %%)\n", voxel, passes[i].bur,
+                    session.totals().torque_work / energy,
+                    100 * (session.totals().torque_work - energy) / slot);
+        EXPECT_NEAR(session.totals().torque_work, energy, (voxel > 0.07 ? 0.002 : 0.0006) * slot)
+            << passes[i].bur << ", " << voxel;
+      }
+    }
+}
+
 // A third pass takes the ridge that two others left between them. On the lattice it is rounded, by 0.02 of the ball's
 // pass here.
 TEST(OverlappingPasses, ARidgeThatTwoPassesLeftIsTakenAsHighAsItIs) {

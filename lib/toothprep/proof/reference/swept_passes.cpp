@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include "toothprep/step/core/units.h"
 
@@ -163,27 +164,32 @@ void take_away(std::vector<Interval>& from, const Interval& part) {
 
 }  // namespace
 
-std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& orientation,
-                                                    const std::vector<Vec3>& tips,
+std::vector<PerTissue<double>> newly_swept_sections(const std::vector<StraightPass>& passes,
                                                     const Block& block) {
-  const Outline outline(bur, orientation, kLines);
-  double first = std::numeric_limits<double>::infinity(), last = -first;
-  for (const Vec3& tip : tips) {
-    first = std::min(first, tip.z() - outline.reach());
-    last = std::max(last, tip.z() + outline.reach());
+  std::vector<std::shared_ptr<const Outline>> outlines;  // by pass
+  double first = std::numeric_limits<double>::infinity(), last = -first, reach = first;
+  for (const StraightPass& p : passes) {
+    const StraightPass* before = outlines.empty() ? nullptr : &p - 1;
+    if (before && before->bur == p.bur && before->orientation.coeffs() == p.orientation.coeffs())
+      outlines.push_back(outlines.back());
+    else
+      outlines.push_back(std::make_shared<Outline>(*p.bur, p.orientation, kLines));
+    first = std::min(first, p.tip.z() - outlines.back()->reach());
+    last = std::max(last, p.tip.z() + outlines.back()->reach());
+    reach = std::min(reach, outlines.back()->reach());
   }
   first = std::max(first, -block.size.z() / 2);
   last = std::min(last, block.size.z() / 2);
-  const auto lines = static_cast<int>(std::ceil((last - first) / outline.reach() * kLines));
+  const auto lines = static_cast<int>(std::ceil((last - first) / reach * kLines));
   const double width = (last - first) / lines;
-  std::vector<PerTissue<double>> area(tips.size(), PerTissue<double>{});
+  std::vector<PerTissue<double>> area(passes.size(), PerTissue<double>{});
   for (int line = 0; line < lines; ++line) {
     const double z = first + (line + 0.5) * width;
     std::vector<Interval> swept;
-    for (std::size_t pass = 0; pass < tips.size(); ++pass) {
-      Interval own = outline.at(z - tips[pass].z());
+    for (std::size_t pass = 0; pass < passes.size(); ++pass) {
+      Interval own = outlines[pass]->at(z - passes[pass].tip.z());
       if (own.empty()) continue;
-      own.low += tips[pass].y(), own.high += tips[pass].y();
+      own.low += passes[pass].tip.y(), own.high += passes[pass].tip.y();
       std::vector<Interval> fresh = {own};
       for (const Interval& earlier : swept) take_away(fresh, earlier);
       for (const Interval& i : fresh) {
@@ -197,6 +203,14 @@ std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& 
     }
   }
   return area;
+}
+
+std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& orientation,
+                                                    const std::vector<Vec3>& tips,
+                                                    const Block& block) {
+  std::vector<StraightPass> passes;
+  for (const Vec3& tip : tips) passes.push_back({&bur, orientation, tip});
+  return newly_swept_sections(passes, block);
 }
 
 std::vector<Load> loads_in_swept(const Scene& scene, const Bur& bur, const Quat& orientation,

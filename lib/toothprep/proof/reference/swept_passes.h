@@ -28,6 +28,15 @@ std::vector<PerTissue<double>> newly_swept_sections(const Bur& bur, const Quat& 
                                                     const std::vector<Vec3>& tips,
                                                     const Block& block);
 
+// The same of passes by several burs or with several leans.
+struct StraightPass {
+  const Bur* bur;
+  Quat orientation;
+  Vec3 tip;  // mm, in the block's frame
+};
+std::vector<PerTissue<double>> newly_swept_sections(const std::vector<StraightPass>& passes,
+                                                    const Block& block);
+
 // For each pass the load on the bur at its tip, fed along x at `speeds[i]` (mm/s, either sign), right
 // in the block's middle: the force law over that part of its surface that advances, lies in the block
 // and outside of all that the passes before it swept. The integral is the sum over elements of `size`
