@@ -443,9 +443,8 @@ void Removal::draw_edges(const Eigen::Vector3f& offset, float* deepest) const no
   for (const SweptEdge& edge : edges_) {
     if (!edge.draws()) continue;
     for (int row = 0; row < kBlockRows; ++row) {
-      const Eigen::Vector3f first =
-          place(m, offset + Eigen::Vector3f(static_cast<float>(row / kBlockEdge),
-                                            static_cast<float>(row % kBlockEdge), 0));
+      const Index3 in_block(row / kBlockEdge, row % kBlockEdge, 0);
+      const Eigen::Vector3f first = place(m, offset + in_block.cast<float>());
       const Float4 z = first.z() + k * m[8];
       const SweptEdge::Sample cut =
           edge.at(edge.across(first.x() + k * m[2], first.y() + k * m[5], z - edge.height()));
