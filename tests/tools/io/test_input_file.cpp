@@ -11,6 +11,7 @@
 #include "../../support/cpu_time.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/io/input_file.h"
+#include "toothprep/tools/io/large_file.h"
 #include "toothprep/tools/io/memory_limit.h"
 
 namespace toothprep {

@@ -26,7 +26,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/huge_pages.h"
-#include "toothprep/tools/io/input_file.h"
+#include "toothprep/tools/io/large_file.h"
 #include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/io/write_file.h"
 

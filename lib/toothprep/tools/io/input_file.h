@@ -3,9 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
-#include <memory>
-#include <span>
 #include <string>
 
 namespace toothprep {
@@ -23,6 +20,8 @@ class InputFile {
   std::uint64_t size() const { return size_; }  // bytes, when it was opened
   int descriptor() const { return descriptor_; }
 
+  // Throws InputError if it is larger than `most` bytes.
+  void require_at_most(std::uint64_t most) const;
   // As many bytes as there are from `at` on, at most `count`. For several threads at once.
   std::size_t read(std::uint64_t at, std::size_t count, char* bytes) const;
 
@@ -34,17 +33,5 @@ class InputFile {
 
 // The whole of a regular file. Throws InputError too if it holds more than `most` bytes.
 std::string bytes_of_file(const std::string& path, std::uint64_t most = std::uint64_t{1} << 32);
-
-// What a large file holds, in memory that wasn't set to zero first.
-struct FileBytes {
-  std::unique_ptr<char[]> storage;
-  std::size_t size = 0;
-  std::span<char> all() const { return {storage.get(), size}; }
-};
-
-// As bytes_of_file(), read in pieces by all cores. `take` gets each piece in the file's order,
-// while those after it are read; what it throws is thrown.
-FileBytes large_file(const std::string& path, std::uint64_t most,
-                     const std::function<void(std::span<const char> piece)>& take);
 
 }  // namespace toothprep

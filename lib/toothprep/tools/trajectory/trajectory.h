@@ -58,6 +58,7 @@ struct Trajectory {                   // a commanded motion, at any rate
 [[nodiscard]] std::vector<HandleSample> resample(const Trajectory& trajectory, double time_step,
                                                  bool allow_gaps, const std::string& where);
 
+// Whether a reading of the motion was rejected.
 [[nodiscard]] bool any_rejected(const Trajectory& trajectory);
 // The trajectory without the samples that are rejected, and without their forces.
 [[nodiscard]] Trajectory without_rejected(const Trajectory& trajectory);
