@@ -52,7 +52,8 @@ struct Draw {  // places, mm
   }
 };
 
-// Where an edge says that it is nearest, it is, and as far as it says; elsewhere it isn't nearer than all else.
+// Where an edge says that it is nearest, it is, and as far as it says. That it is said wherever it is true shows in the
+// whole slot, below.
 TEST(SweptEdge, IsAsFarAsTheNearestPlaceOfTheBurOnItsWay) {
   Draw draw;
   for (const char* spec : {"cylinder:D1.2xL3.0", "inverted-cone:D1.2xL1.6xA8"}) {

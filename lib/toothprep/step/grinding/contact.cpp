@@ -19,7 +19,7 @@ constexpr float kRounding = 1e-6f;  // of the speed
 constexpr double kLookAhead = 0.8;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
-// Its end is flat where that rises by no more than this (sine).
+// Its end is flat if the outline rises there by no more than this (sine).
 constexpr double kFlatEnd = 1e-3;
 constexpr double kDoubted = 0.005;  // mm of way after a cut, within which all is looked at anew
 // The way's curvature is taken over so much of it, mm. What lies ahead is taken to be straight as long as that bends
@@ -59,9 +59,6 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   settled_.assign(n, -1);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);
-  const std::vector<SharpEdge> edges = sharp_edges(bur.profile(), kSharpEdge);
-  if (!edges.empty() && std::abs(edges.front().before.along_z) < kFlatEnd)
-    slot_.emplace_back(SweptEdge(edges.front()));
   first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
 }
 
@@ -92,11 +89,14 @@ void ContactModel::add_element(std::size_t i) {
   }
 }
 
-// Which elements lie at a sharp edge.
+// Which elements lie at a sharp edge, and whether one bounds a flat end.
 void ContactModel::note_edges(const Bur& bur) {
   const SurfaceElements& e = elements_;
   edge_.assign(e.size(), 0);
-  for (const SharpEdge& edge : sharp_edges(bur.profile(), kSharpEdge))
+  const std::vector<SharpEdge> edges = sharp_edges(bur.profile(), kSharpEdge);
+  if (!edges.empty() && std::abs(edges.front().before.along_z) < kFlatEnd)
+    slot_.emplace(SweptEdge(edges.front()));
+  for (const SharpEdge& edge : edges)
     for (std::size_t i = 0; i < e.size(); ++i) {
       const double r = static_cast<double>(e.radius[i]);
       const double to_r = edge.after.r - r, to_z = edge.after.z - static_cast<double>(e.z[i]);
@@ -186,7 +186,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
-  leaves_slots_ = !scan.turns && !slot_.empty() && slot_.front().move(scan.direction);
+  leaves_slots_ = !scan.turns && slot_ && slot_->move(scan.direction);
   scan.straight = straight_ahead(scan);
   advance(scan);
   const int candidates = choose(scan);

@@ -30,15 +30,16 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/parameters.h"
 #include "toothprep/step/grinding/contact_set.h"
 #include "toothprep/step/grinding/covered_part.h"
-#include "toothprep/step/grinding/hollow_walls.h"
 #include "toothprep/step/grinding/kept_cells.h"
 #include "toothprep/step/grinding/swept_slot.h"
+#include "toothprep/step/grinding/wall_curvature.h"
 #include "toothprep/step/grinding/workpiece.h"
 
 namespace toothprep {
@@ -190,9 +191,9 @@ class ContactModel {
   // Of each element: r x n, and by how much v·n changes over half of it per speed around and along.
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
   std::vector<float> edge_;  // which way along the profile a sharp edge lies at it: 1, -1, or 0
-  HollowWalls walls_;
-  std::vector<SweptSlot> slot_;  // of a flat end: one or none
-  bool leaves_slots_ = false;    // as the bur moves now
+  WallCurvature walls_;
+  std::optional<SweptSlot> slot_;  // of a flat end
+  bool leaves_slots_ = false;      // as the bur moves now
   bool has_edges_ = false;
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole

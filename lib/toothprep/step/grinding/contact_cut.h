@@ -3,7 +3,7 @@
 #pragma once
 
 #include "toothprep/step/grinding/contact_frame.h"
-#include "toothprep/step/grinding/hollow_walls.h"
+#include "toothprep/step/grinding/wall_curvature.h"
 
 namespace toothprep {
 
@@ -35,7 +35,7 @@ inline Float4 doubt_of_thin(const Float4& thick, float most) {
 
 // A field as steep as this (squared, 1 being a distance) is that of one wall; as near to that, where its curvature is
 // known.
-constexpr float kOneWall = 0.8f, kOneHollowWall = 0.03f;
+constexpr float kOneWall = 0.8f, kOneKnownWall = 0.03f;
 
 // A wall of an earlier cut, looked at beside the middle of each of four pieces.
 struct ContactModel::Wall {
@@ -55,8 +55,8 @@ struct ContactModel::Displaced {
 // Four pieces of an element against the cut: where its field, by what is found of it, divides them.
 struct ContactModel::CutOfPieces {
   const PieceAxes& axes;
-  const HollowWalls& walls;  // that the bur leaves
-  float half_along;          // of the pieces, mm
+  const WallCurvature& walls;  // that the bur leaves
+  float half_along;            // of the pieces, mm
   Float4 half_around;
   float curvature_along;
   Float4 curvature_around;
@@ -69,10 +69,10 @@ struct ContactModel::CutOfPieces {
   Float4 vl, vt;       // its direction's parts along the profile and around the axis
   Float4 bend;         // 1/mm, of the surface along the motion, where it is convex
 
-  CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const HollowWalls& hollow_walls,
+  CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const WallCurvature& wall_curvature,
               const Pieces& pieces, int first, const Lanes& s)
       : axes(piece_axes),
-        walls(hollow_walls),
+        walls(wall_curvature),
         half_along(pieces.half_along[first]),
         half_around(load4(&pieces.half_around[first])),
         curvature_along(s.curvature_along),
@@ -111,10 +111,10 @@ struct ContactModel::CutOfPieces {
     return {per_speed * (g.gy * uz - g.gz * uy), per_speed * (g.gz * ux - g.gx * uz),
             per_speed * (g.gx * uy - g.gy * ux)};
   }
-  // Whether it is known how hollow the wall is that has this field: else it is taken to be as the bur is here.
+  // Whether the curvature of the wall is known that has this field: else it is taken to be the bur's here.
   Int4 knows(const FourSamples& g) const { return walls.know(-g.gz); }
   // The curvature (1/mm) in that direction.
-  Float4 hollow(const FourSamples& g, const Across& w) const {
+  Float4 curvature_of(const FourSamples& g, const Across& w) const {
     const Float4 l = (axes.along_x * w.x + axes.along_y * w.y + axes.along_z * w.z) / half_along,
                  t = (axes.around_x * w.x + axes.around_y * w.y) / half_around, ll = l * l,
                  tt = t * t,
@@ -130,13 +130,13 @@ struct ContactModel::CutOfPieces {
     return greatest(kWallAtMost * voxel * voxel * gaussian / greatest(of_motion, all4(kFlat)),
                     wall);
   }
-  // A wall as it is where the lattice has the sample g: a hollow one stands out between the lattice's points, and a
+  // A wall as it is where the lattice has the sample g: a concave one stands out between the lattice's points, and a
   // cell's gradient is that in its middle.
   FourSamples wall_at(const IndexFrame& frame, const FourPlaces& at, const FourSamples& g) const {
     FourSamples found = g;
     const Int4 known = knows(g);
     const Across w = across(g);
-    const Float4 by_voxel = known ? hollow(g, w) * voxel : Float4{};
+    const Float4 by_voxel = known ? curvature_of(g, w) * voxel : Float4{};
     const Float4 in_cell[3] = {at.fx, at.fy, at.fz};
     for (int i = 0; i < 3; ++i) {
       const float x = frame.a[3 * i] * voxel, y = frame.a[3 * i + 1] * voxel,
@@ -156,7 +156,7 @@ struct ContactModel::CutOfPieces {
                  change = g.gx * dx + g.gy * dy + g.gz * dz;
     const Across w = across(g);
     const Float4 way = w.x * dx + w.y * dy + w.z * dz,
-                 curvature = greatest(hollow(g, w), all4(kFlat));
+                 curvature = greatest(curvature_of(g, w), all4(kFlat));
     // About the line in which the arc's centre went.
     const Float4 from = 1 / curvature, down = from - change,
                  to = square_root(down * down + way * way), by_down = down / to, by_way = way / to;
@@ -167,7 +167,7 @@ struct ContactModel::CutOfPieces {
     return g;
   }
   // What it is at most where another wall is: where its curvature isn't known, as if it were flat, since all that a
-  // bur leaves are hollow.
+  // bur leaves are concave.
   Float4 at_most(const Wall& by, const Wall& other) const {
     const FourSamples& g = by.sample;
     const Float4 flat =
@@ -177,7 +177,7 @@ struct ContactModel::CutOfPieces {
   // Whether that is one wall, along the motion.
   Int4 is_one_wall(const FourSamples& g) const {
     const Float4 square = g.gx * g.gx + g.gy * g.gy + g.gz * g.gz;
-    const Int4 one = knows(g) ? magnitude(square - 1) < kOneHollowWall : square > kOneWall;
+    const Int4 one = knows(g) ? magnitude(square - 1) < kOneKnownWall : square > kOneWall;
     return one & (kAlong * magnitude(rise(g)) < 1);
   }
   // Its borders, by what it is in the middle of the pieces.

@@ -240,7 +240,7 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
 Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
                                   const Float4& from_print, const Int4& wanted,
                                   Lanes& s) const noexcept {
-  Slots slots(scan, cut, slot_.front(), far, from_print);
+  Slots slots(scan, cut, *slot_, far, from_print);
   const Float4 rim = cut.half_along + cut.half_around;
   slots.read(0, Float4{}, Float4{}, wanted);
   Int4 left = wanted & slots.may_be_near(0, rim);

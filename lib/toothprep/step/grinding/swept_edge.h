@@ -80,10 +80,9 @@ class SweptEdge {
 
   float radius() const { return radius_; }  // mm
   float height() const { return height_; }  // mm, over the tip
-  float normal_after() const {
-    return normal_after_;
-  }                                         // of the face behind it: its part along the axis
-  float across() const { return across_; }  // of the motion, likewise
+  // Of the normal of the face behind it, its part along the axis; and of the motion, that across the axis.
+  float normal_after() const { return normal_after_; }
+  float across() const { return across_; }
 
  private:
   static constexpr float kLeastRoot = 1e-12f;

@@ -574,8 +574,8 @@ class LeafValues {
   std::array<typename Grid::ValueType, kBrickVoxels> values_;
 };
 
-// Room for bricks that are about to be filled, of a grid that is its background throughout: that
-// brick is the first of the grid's storage.
+// Reserves `count` bricks on huge pages, in a grid that holds its background alone: brick 0 is then
+// the start of the grid's storage.
 template <class T>
 void reserve_to_fill(BrickGrid<T>& bricks, std::size_t count) {
   bricks.reserve(count);

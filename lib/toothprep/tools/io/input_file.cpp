@@ -12,6 +12,7 @@
 #include "toothprep/step/core/regular_file.h"
 
 namespace toothprep {
+
 InputFile::InputFile(std::string path) : path_(std::move(path)) {
   size_ = regular_file_size(path_);
   // Should a FIFO have taken the file's place meanwhile, it still doesn't block.

@@ -6,7 +6,7 @@
 
 #include "toothprep/step/bur/bur_library.h"
 #include "toothprep/step/core/units.h"
-#include "toothprep/step/grinding/hollow_walls.h"
+#include "toothprep/step/grinding/wall_curvature.h"
 
 namespace toothprep::testing {
 namespace {
@@ -26,12 +26,12 @@ double reach_of(const std::vector<ProfilePiece>& outline, double along_axis) {
 
 // A convex outline's radius of curvature is what it reaches in its normal's direction and the second derivative of that
 // by the direction's angle.
-TEST(HollowWalls, AreAsHollowAsTheHeadsOutlineAcrossTheMotion) {
+TEST(WallCurvature, IsThatOfTheHeadsOutlineAcrossTheMotion) {
   constexpr double kStep = 0.02;  // rad
   constexpr float kValue = 0.02f;
   for (const char* spec : {"ball:D1.2", "taper:D1.4xL4.0xA4", "cylinder:D1.2xL4.0xR0.3"}) {
     const Bur bur = make_bur(spec, "");
-    const HollowWalls walls(bur.profile());
+    const WallCurvature walls(bur.profile());
     for (const double lean : {0.0, 0.1, -0.4}) {
       const auto reach = [&](double angle) {
         return reach_of(bur.profile(), std::sin(angle) * std::cos(lean));
@@ -52,9 +52,9 @@ TEST(HollowWalls, AreAsHollowAsTheHeadsOutlineAcrossTheMotion) {
 }
 
 // An edge leaves walls of any normal between those of the parts that meet there.
-TEST(HollowWalls, AreNotKnownOfSharpEndsNorBesideTheShanksEnd) {
+TEST(WallCurvature, IsNotKnownOfSharpEndsNorBesideTheShanksEnd) {
   const auto knows = [](const char* spec, float normal) {
-    return any(HollowWalls(make_bur(spec, "").profile()).know(all4(normal)));
+    return any(WallCurvature(make_bur(spec, "").profile()).know(all4(normal)));
   };
   for (const float normal : {-1.0f, -0.5f, 0.0f, 0.5f}) {
     EXPECT_FALSE(knows("cylinder:D1.2xL3.0", normal)) << normal;

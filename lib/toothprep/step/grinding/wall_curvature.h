@@ -1,5 +1,5 @@
-// How hollow the walls are that a bur leaves. A wall's normal tells which part of the bur left it, and that part how
-// the wall is curved across the motion: so far from the tip as the bur's profile has no edge and is nowhere hollow. The
+// Curvature of the walls that a bur leaves. A wall's normal tells which part of the bur left it, and that part how
+// the wall is curved across the motion: so far from the tip as the bur's profile has no edge and is nowhere concave. The
 // wall is taken to be left by the same bur with the same lean, moving the same way.
 #pragma once
 
@@ -11,10 +11,10 @@
 
 namespace toothprep {
 
-class HollowWalls {
+class WallCurvature {
  public:
   // `outline` from the tip on.
-  explicit HollowWalls(const std::vector<ProfilePiece>& outline) {
+  explicit WallCurvature(const std::vector<ProfilePiece>& outline) {
     constexpr double kEdge = 0.05;  // sine
     ProfilePoint last{0, 0, 1, 0};
     for (const ProfilePiece& piece : outline) {
