@@ -180,6 +180,7 @@ struct ContactModel::Lanes {
   Float4 ix, iy, iz;   // index of the sample, from the tip's voxel
   Float4 fx, fy, fz;   // its place in its cell
   KeptCells* cells;    // these
+  double* slots_from;  // as of Standing
   Int4 live;           // -1: may be in contact, 0: not
   Float4 share, x, y;  // as of CoveredPart
   // What crosses the pieces: the cut, at a ridge or in a groove its other wall, and the tooth's own surface.

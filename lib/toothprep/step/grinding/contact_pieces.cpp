@@ -85,6 +85,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
 void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, int first,
                                 bool simple, Lanes& s) noexcept {
   s.cells = &near_[i];
+  s.slots_from = &standing_[i].slots_from;
   s.stays = s.holds = all4(kUnbounded);
   s.cut = s.beside = s.surface = Borders::none();
   s.groove = Int4{};

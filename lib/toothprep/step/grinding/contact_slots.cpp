@@ -28,6 +28,9 @@ constexpr float kDamped = 1e-5f, kLeastDamp = 1e-9f, kMostStep = 0.5f;  // of it
 // Chips that thin (voxels) may be none: slots are known better than single walls.
 constexpr float kThinSlot = 0.005f;
 
+// Where none are found it isn't tried again for so much of the way (voxels).
+constexpr double kNoSlots = 1;
+
 // Cells are looked at in a piece's middle and near its corners (of half its extents); and so far beyond these (voxels),
 // where a slot stands alone.
 constexpr float kNearCorner = 0.8f, kBeyondCorner = 1.5f;
@@ -243,8 +246,12 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   Slots slots(scan, cut, *slot_, far, from_print);
   const Float4 rim = cut.half_along + cut.half_around;
   slots.read(0, Float4{}, Float4{}, wanted);
+  const auto none = [&] {
+    *s.slots_from = way_ + kNoSlots * static_cast<double>(cut.voxel);
+    return Int4{};
+  };
   Int4 left = wanted & slots.may_be_near(0, rim);
-  if (!any(left)) return Int4{};
+  if (!any(left)) return none();
   const auto read_four = [&](int from, const Float4& x, const Float4& y) {
     for (int k = 0; k < 4; ++k) slots.read(from + k, k & 1 ? x : -x, k & 2 ? y : -y, left);
   };
@@ -252,6 +259,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   Int4 others{};  // than the print
   for (int cell = 0; cell < kCellsInPiece; ++cell) others |= slots.is_other(cell);
   left &= others;
+  if (!any(left)) return none();
   bool has_all = false;
   const auto read_all = [&] {
     if (!has_all)
@@ -279,7 +287,8 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     left &= ~(found & tried);
     tried |= found;
   }
-  if (any(one | two)) cover_by(slots, one, two, s);
+  if (!any(one | two)) return none();
+  cover_by(slots, one, two, s);
   return one | two;
 }
 
