@@ -93,9 +93,9 @@ class ContactModel {
     float share = 0;            // of it in contact, roughly
     // Of each of its pieces what is covered, its middle, and the same of each tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
-    double holds = 0;       // as of settled_, but for a whole sample
-    double slots_from = 0;  // mm of way, from which on slots are looked for
-    int tissue = -1;        // of all of them, or -1: as of_tissue has it
+    std::array<double, kPieces> slots_from{};  // mm of way, from which on slots are looked for
+    double holds = 0;                          // as of settled_, but for a whole sample
+    int tissue = -1;                           // of all of them, or -1: as of_tissue has it
     CoveredPart<Float4> of_tissue[kTissueCount] = {};
   };
   // One sample under way.

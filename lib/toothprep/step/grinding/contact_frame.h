@@ -173,16 +173,16 @@ struct ContactModel::Lanes {
   float speed;                  // mm/s, of the element
   float curvature_along;
   Float4 curvature_around;
-  float edge;          // as of edge_
-  Int4 at_edge;        // -1: the piece lies at that edge
-  Float4 ux, uy, uz;   // velocity, mm/s, B
-  Float4 advance;      // v·n, mm/s
-  Float4 ix, iy, iz;   // index of the sample, from the tip's voxel
-  Float4 fx, fy, fz;   // its place in its cell
-  KeptCells* cells;    // these
-  double* slots_from;  // as of Standing
-  Int4 live;           // -1: may be in contact, 0: not
-  Float4 share, x, y;  // as of CoveredPart
+  float edge;                               // as of edge_
+  Int4 at_edge;                             // -1: the piece lies at that edge
+  Float4 ux, uy, uz;                        // velocity, mm/s, B
+  Float4 advance;                           // v·n, mm/s
+  Float4 ix, iy, iz;                        // index of the sample, from the tip's voxel
+  Float4 fx, fy, fz;                        // its place in its cell
+  KeptCells* cells;                         // these
+  std::array<double, kPieces>* slots_from;  // as of Standing
+  Int4 live;                                // -1: may be in contact, 0: not
+  Float4 share, x, y;                       // as of CoveredPart
   // What crosses the pieces: the cut, at a ridge or in a groove its other wall, and the tooth's own surface.
   Borders cut, beside, surface;
   Int4 groove;          // -1: those two walls make one, so that what lies under either is tissue

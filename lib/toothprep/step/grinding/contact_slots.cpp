@@ -126,11 +126,10 @@ struct ContactModel::Slots {
     s.replace(other.value > s.value, other);
     return s;
   }
-  // Whether so many slots make a cell's values.
-  Int4 explain(int slots, int cell) const {
+  // Of these pieces, those for which so many slots make a cell's values.
+  Int4 explain(int slots, int cell, Int4 good) const {
     const float most = kExplained * cut.voxel, far_off = kFarOff * cut.voxel;
-    Int4 good{-1, -1, -1, -1};
-    for (int k = 0; k < kCorners; ++k) {
+    for (int k = 0; k < kCorners && any(good); ++k) {
       const Float4 value = sample(slots, corner(cell, k)).value, has = cells[cell].corner(k),
                    over = value - has;
       good &= (magnitude(over) < most) | (is_print(cell, k) & (over < most)) |
@@ -138,9 +137,8 @@ struct ContactModel::Slots {
     }
     return good;
   }
-  Int4 explain(int slots) const {
-    Int4 good = explain(slots, 0);
-    for (int cell = 1; cell < kCellsInPiece; ++cell) good &= explain(slots, cell);
+  Int4 explain(int slots, Int4 good) const {
+    for (int cell = 0; cell < kCellsInPiece; ++cell) good = explain(slots, cell, good);
     return good;
   }
   // Puts a slot where a cell's gradient says. Whether there may be one along the motion.
@@ -190,7 +188,7 @@ struct ContactModel::Slots {
     counts[cell] = begin(number, cell, where);
     if (!any(counts[cell])) return counts[cell];
     for (int i = 0; i < kSteps; ++i) improve(number, counts);
-    return counts[cell] & explain(number + 1, cell);
+    return explain(number + 1, cell, counts[cell]);
   }
 };
 
@@ -246,12 +244,14 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   Slots slots(scan, cut, *slot_, far, from_print);
   const Float4 rim = cut.half_along + cut.half_around;
   slots.read(0, Float4{}, Float4{}, wanted);
-  const auto none = [&] {
-    *s.slots_from = way_ + kNoSlots * static_cast<double>(cut.voxel);
-    return Int4{};
+  const auto found = [&](const Int4& where) {
+    for (int p = 0; p < kPieces; ++p)
+      if (wanted[p] && !where[p])
+        (*s.slots_from)[p] = way_ + kNoSlots * static_cast<double>(cut.voxel);
+    return where;
   };
   Int4 left = wanted & slots.may_be_near(0, rim);
-  if (!any(left)) return none();
+  if (!any(left)) return found(Int4{});
   const auto read_four = [&](int from, const Float4& x, const Float4& y) {
     for (int k = 0; k < 4; ++k) slots.read(from + k, k & 1 ? x : -x, k & 2 ? y : -y, left);
   };
@@ -259,7 +259,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   Int4 others{};  // than the print
   for (int cell = 0; cell < kCellsInPiece; ++cell) others |= slots.is_other(cell);
   left &= others;
-  if (!any(left)) return none();
+  if (!any(left)) return found(Int4{});
   bool has_all = false;
   const auto read_all = [&] {
     if (!has_all)
@@ -270,26 +270,26 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   Int4 one{}, two{}, tried{};  // with another first slot: twice is enough
   for (int cell = 0; cell < kCells && any(left); ++cell) {
     if (cell == kCellsInPiece) read_all();
-    const Int4 found = slots.find(0, cell, left);
-    if (!any(found)) continue;
-    Int4 counts[kCells] = {};
-    for (int c = 0; c < kCellsInPiece; ++c) counts[c] = found & slots.explain(1, c);
+    const Int4 first = slots.find(0, cell, left);
+    if (!any(first)) continue;
+    Int4 counts[kCells] = {}, alone = first;
+    for (int c = 0; c < kCellsInPiece; ++c)
+      counts[c] = c == cell ? first : slots.explain(1, c, first), alone &= counts[c];
     slots.improve(0, counts);
-    const Int4 alone = found & slots.explain(1);
+    alone |= slots.explain(1, first & ~alone);
     one |= alone, left &= ~alone;
-    Int4 open = found & left;
+    Int4 open = first & left;
     if (any(open)) read_all();
     for (int other = 0; other < kCells && any(open); ++other) {
       Int4 both = slots.find(1, other, open & ~counts[other]);
-      if (any(both)) both &= slots.explain(2);
+      if (any(both)) both = slots.explain(2, both);
       two |= both, left &= ~both, open &= ~both;
     }
-    left &= ~(found & tried);
-    tried |= found;
+    left &= ~(first & tried);
+    tried |= first;
   }
-  if (!any(one | two)) return none();
-  cover_by(slots, one, two, s);
-  return one | two;
+  if (any(one | two)) cover_by(slots, one, two, s);
+  return found(one | two);
 }
 
 }  // namespace toothprep

@@ -59,8 +59,9 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
   Int4 others = may_count & near;
   const Float4 way_there = way_from_print(kGrooveFromPrint);
-  const Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
-  if (leaves_slots_ && way_ >= *s.slots_from && any(beside_slots))
+  Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
+  for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
+  if (leaves_slots_ && any(beside_slots))
     others &= ~cover_by_slots(scan, cut, ahead(way_there),
                               way_there * (advance + 0.5f * cut.bend * way_there), beside_slots, s);
   others &= way > static_cast<float>(look_ahead_);
