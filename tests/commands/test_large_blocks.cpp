@@ -26,6 +26,17 @@ bool is_advised(const void* place) {
   return false;
 }
 
+// Whether the place lies in a mapping.
+bool is_mapped(std::uintptr_t place) {
+  std::ifstream maps("/proc/self/maps");
+  for (std::string line; std::getline(maps, line);) {
+    unsigned long first = 0, end = 0;
+    if (std::sscanf(line.c_str(), "%lx-%lx ", &first, &end) == 2 && first <= place && place < end)
+      return true;
+  }
+  return false;
+}
+
 #ifdef TOOTHPREP_SANITIZED
 constexpr bool kOurs = false;
 #else
@@ -41,6 +52,19 @@ TEST(LargeBlocks, AreAdvisedToLieOnHugePagesFromTheirFirstByteToTheirLast) {
     EXPECT_TRUE(is_advised(block.data()));
     EXPECT_TRUE(is_advised(&block.back()));
   }
+}
+
+// Also after a larger one was freed, and with a block behind it that stays.
+TEST(LargeBlocks, AreTheSystemsAgainOnceFreed) {
+  if (!kOurs || !std::filesystem::exists("/proc/self/maps"))
+    GTEST_SKIP() << "a sanitizer's operator new, or a system without /proc";
+  ::operator delete(::operator new (std::size_t{16} << 20));
+  void* block = ::operator new (std::size_t{4} << 20);
+  const std::vector<char> behind(std::size_t{1} << 16, 'a');
+  const auto inside = reinterpret_cast<std::uintptr_t>(block) + (std::size_t{3} << 20);
+  EXPECT_TRUE(is_mapped(inside));
+  ::operator delete(block);
+  EXPECT_FALSE(is_mapped(inside));
 }
 
 TEST(LargeBlocks, OfMoreMemoryThanThereIsThrowAfterTheHandlerWasAsked) {
