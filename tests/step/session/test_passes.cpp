@@ -139,6 +139,22 @@ TEST(OverlappingPasses, BesideAndBelowASlotOfAFlatEndThatLeansAlongItsFeedTheWor
   }
 }
 
+// A lean of a degree leaves an ellipse of some micrometres' height, and a chip of floor as thin, which the tooth's
+// surface may cut off; and where the bur leaves the tooth no cut lies ahead of it that tells of the slot.
+TEST(OverlappingPasses, BesideASlotOfAFlatEndThatLeansByADegreeTheWorkIsRight) {
+  const std::vector<Passes> cases = {
+      {"cylinder:D1.2xL3.0", 0.16, 0.174, -0.015, 2, {0, -0.021, -0.283}},
+      {"cylinder:D1.2xL3.0", 0.16, -0.139, 0.03, 2, {0, -0.306, -0.39}},
+      {"inverted-cone:D1.2xL1.6xA8", 0.16, -0.114, -0.015, 2, {0, 0.269, 0.476}},
+      {"inverted-cone:D1.2xL1.6xA8", 0.4, 0.079, -0.03, 2, {0, -0.043, 0.239}},
+  };
+  for (const Passes& p : cases) {
+    expect_right(p, errors_of(p, 0.1));
+    expect_right(p, errors_of(p, 0.05, 0.003, 0.0005));
+    expect_right(p, errors_of(p, 0.025, 0.003, 0.0005));
+  }
+}
+
 // What is known of walls that the same bur left with the same lean must not be taken for known of others.
 TEST(OverlappingPasses, BesideASlotOfAnotherBurOrLeanTheWorkIsRight) {
   struct Pass {

@@ -179,7 +179,8 @@ class ContactModel {
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void cover_tooth(const Scan& scan, int i, const PieceAxes& axes, Lanes& lanes) noexcept;
-  static void cover_both(const Int4& where, Lanes& lanes) noexcept;
+  static void cover_both(const Int4& where, const CoveredPart<Float4>& by_cut,
+                         Lanes& lanes) noexcept;
   static void share_tissues(const Scan& scan, const PieceAxes& axes, const Int4& counts,
                             const Int4& only, KeptTissues& kept, Lanes& lanes) noexcept;
   static ContactSet::FourElements middles(const Pieces& pieces, int first,

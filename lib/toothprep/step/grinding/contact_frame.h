@@ -89,6 +89,22 @@ struct ContactModel::Scan {
   Eigen::Vector3f velocity_at(float x, float y, float z) const {
     return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
   }
+  // Air isn't carved, so ahead of where the tooth ends no cut tells of earlier slots: of so much way (mm) from a place
+  // (voxels, from the tip's) the whole, half, a quarter or an eighth, the longest with a cut a little beyond it.
+  float known_way(const Eigen::Vector3f& from, const Eigen::Vector3f& along,
+                  float way) const noexcept {
+    constexpr int kHalvings = 3;
+    constexpr float kBeyond = 3;  // voxels
+    const float beyond = kBeyond * static_cast<float>(workpiece.voxel());
+    for (int n = 0; n < kHalvings; ++n, way *= 0.5f) {
+      const Eigen::Vector3f at = from + (way + beyond) * along;
+      const std::int64_t brick = workpiece.cut().brick_index(frame.base.x() + cell_of(at.x()),
+                                                             frame.base.y() + cell_of(at.y()),
+                                                             frame.base.z() + cell_of(at.z()));
+      if (brick >= 0 && !workpiece.air(static_cast<std::size_t>(brick))) return way;
+    }
+    return way;
+  }
 };
 
 // A field at an index position, from the tip's voxel.
@@ -186,6 +202,7 @@ struct ContactModel::Lanes {
   // What crosses the pieces: the cut, at a ridge or in a groove its other wall, and the tooth's own surface.
   Borders cut, beside, surface;
   Int4 groove;          // -1: those two walls make one, so that what lies under either is tissue
+  Int4 by_slots;        // -1: the share is what slots leave, which these lines only resemble
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
   int tissue;           // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];

@@ -177,7 +177,7 @@ bool ContactModel::floor_at_edge(const Scan& scan, int p, const Look& s) const n
   const auto voxel = static_cast<float>(scan.workpiece.voxel());
   if (field_at(cut, scan.frame.base, end).value < -kRounded * voxel) return true;
   // The wall rounds the floor. Beside it, across the motion and clear of the bur's own print, the floor stands alone.
-  const float far = scan.straight - scan.reach;
+  const float far = scan.known_way(end - s.ahead[p], s.unit[p], scan.straight) - scan.reach;
   const Eigen::Vector3f profile = scan.frame.turned(e.lx[i], e.ly[i], e.lz[i]),
                         across = s.unit[p].cross(profile);
   if (!(far > 0) || !(across.norm() > kAcrossProfile * s.unit[p].norm() * profile.norm()))

@@ -88,7 +88,7 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   s.slots_from = &standing_[i].slots_from;
   s.stays = s.holds = all4(kUnbounded);
   s.cut = s.beside = s.surface = Borders::none();
-  s.groove = Int4{};
+  s.groove = s.by_slots = Int4{};
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
   if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);

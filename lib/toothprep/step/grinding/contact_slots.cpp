@@ -35,8 +35,10 @@ constexpr double kNoSlots = 1;
 // where a slot stands alone.
 constexpr float kNearCorner = 0.8f, kBeyondCorner = 1.5f;
 constexpr int kCellsInPiece = 5, kCells = 9, kCorners = 8;
-// What is covered is summed over so many parts of a piece each way.
-constexpr int kParts = 3;
+// What is covered is summed over parts of a piece: rows between these places along the profile, the narrowest at
+// the bur's edge, where chips of floor are as thin as a slot's ellipse; of so many parts around the axis.
+constexpr float kRows[] = {-1, -0.88f, -0.6f, 0, 1};
+constexpr int kRowCount = 4, kParts = 3, kAllParts = kRowCount * kParts;
 
 }  // namespace
 
@@ -192,48 +194,57 @@ struct ContactModel::Slots {
   }
 };
 
-// What is covered by where slots are: by nine parts of a piece.
+// What is covered by where slots are: part by part.
 void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two,
                             Lanes& s) noexcept {
-  constexpr float kHalf = 1.0f / kParts;
-  constexpr int kAll = kParts * kParts;
   const CutOfPieces& cut = slots.cut;
-  const auto middle_of = [](int part) { return kHalf * static_cast<float>(2 * part + 1 - kParts); };
-  Borders borders[kAll];
+  struct Part {
+    float x, y, half_along, half_around;
+    Borders border;
+  };
+  const float from_edge = s.edge > 0 ? -1 : 1;
+  Part parts[kAllParts];
   Float4 thick{};
-  for (int k = 0; k < kAll; ++k) {
-    const Float4 x = all4(middle_of(k / kParts)), y = all4(middle_of(k % kParts)),
-                 wide = 1 + cut.axes.widening * x;
+  for (int k = 0; k < kAllParts; ++k) {
+    Part& part = parts[k];
+    const int row = k / kParts, column = k % kParts;
+    part.half_along = 0.5f * (kRows[row + 1] - kRows[row]), part.half_around = 1.0f / kParts;
+    part.x = from_edge * (kRows[row] + part.half_along);
+    part.y = part.half_around * static_cast<float>(2 * column + 1 - kParts);
+    const Float4 x = all4(part.x), y = all4(part.y), wide = 1 + cut.axes.widening * x;
     const SweptSlot::Place at = slots.place(x, y);
     SweptSlot::Sample g = slots.sample(1, at);
     if (any(two)) g.replace(two, slots.sample(2, at));
     const auto along = [&](const SweptSlot::Place& way) {
-      return kHalf * (g.gradient.l * way.l + g.gradient.h * way.h);
+      return g.gradient.l * way.l + g.gradient.h * way.h;
     };
-    borders[k] = {
-        g.value,
-        along(slots.along + cut.axes.widening * y * slots.around + 2 * x * slots.bent_along),
-        along(wide * slots.around + 2 * y * slots.bent_around)};
-    thick = greatest(thick, magnitude(borders[k].along) + magnitude(borders[k].around) - g.value);
+    part.border = {g.value,
+                   part.half_along * along(slots.along + cut.axes.widening * y * slots.around +
+                                           2 * x * slots.bent_along),
+                   part.half_around * along(wide * slots.around + 2 * y * slots.bent_around)};
+    thick = greatest(
+        thick, magnitude(part.border.along) + magnitude(part.border.around) - part.border.value);
   }
   const Float4 doubt = doubt_of_thin(thick, kThinSlot * cut.voxel);
   CoveredPart<Float4> sum{};
   Borders border{};  // as straight as it is on the whole
-  for (int k = 0; k < kAll; ++k) {
-    const float x = middle_of(k / kParts), y = middle_of(k % kParts);
-    borders[k].value += doubt;
-    const CoveredPart<Float4> part = borders[k].part();
-    sum.share += part.share;
-    sum.x += part.share * (x + kHalf * part.x), sum.y += part.share * (y + kHalf * part.y);
-    border.value += borders[k].value;
-    border.along += x * borders[k].value, border.around += y * borders[k].value;
+  float xx = 0, yy = 0;
+  for (Part& part : parts) {
+    const float weight = part.half_along * part.half_around;
+    part.border.value += doubt;
+    const CoveredPart<Float4> covered = part.border.part();
+    sum.share += weight * covered.share;
+    sum.x += weight * covered.share * (part.x + part.half_along * covered.x);
+    sum.y += weight * covered.share * (part.y + part.half_around * covered.y);
+    border.value += weight * part.border.value;
+    border.along += weight * part.x * part.border.value, xx += weight * part.x * part.x;
+    border.around += weight * part.y * part.border.value, yy += weight * part.y * part.y;
   }
   const Float4 per_share = 1 / greatest(sum.share, all4(kLeastShare));
   const Int4 where = one | two;
-  s.cover(where, {(1.0f / kAll) * sum.share, per_share * sum.x, per_share * sum.y});
-  constexpr float kSquare = kAll * (1 - kHalf * kHalf) / 3;  // sum of the places' squares
-  s.cut.replace(where, {(1.0f / kAll) * border.value, (1 / kSquare) * border.along,
-                        (1 / kSquare) * border.around});
+  s.by_slots |= where;
+  s.cover(where, {sum.share, per_share * sum.x, per_share * sum.y});
+  s.cut.replace(where, {border.value, (1 / xx) * border.along, (1 / yy) * border.around});
 }
 
 // Pieces of which one slot or two are all that there is; the others are left. `far`: their middles, so far ahead that

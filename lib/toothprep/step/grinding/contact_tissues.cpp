@@ -37,11 +37,19 @@ PerTissue<float> blend_of_labels(const LabelGrid& labels, std::int64_t brick, co
 
 }  // namespace
 
-// Of pieces that both the cut and the tooth's surface cross, what lies under both.
-void ContactModel::cover_both(const Int4& where, Lanes& s) noexcept {
+// Of pieces that both the cut and the tooth's surface cross, what lies under both. What slots leave under the cut,
+// `by_cut`, is known better than by its lines: of it the part that these say.
+void ContactModel::cover_both(const Int4& where, const CoveredPart<Float4>& by_cut,
+                              Lanes& s) noexcept {
   for (int p = 0; p < kPieces; ++p) {
     if (!where[p]) continue;
-    const CoveredPart<float> part = s.under_all(p, DividingLine::none());
+    CoveredPart<float> part = s.under_all(p, DividingLine::none());
+    if (s.by_slots[p]) {
+      const CoveredPart<float> by_line = covered_by_all({s.cut.line(p)});
+      if (!(by_line.share > kLeastShare)) continue;
+      part = {by_cut.share[p] * part.share / by_line.share, by_cut.x[p] + part.x - by_line.x,
+              by_cut.y[p] + part.y - by_line.y};
+    }
     s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
   }
 }
@@ -70,8 +78,9 @@ void ContactModel::cover_tooth(const Scan& scan, int i, const PieceAxes& axes, L
     const CoveredPart<Float4> part = s.surface.part();
     const Int4 both = at_surface & (least(part.share, s.share) > kLeastShare) &
                       (greatest(part.share, s.share) < 1 - kLeastShare);
+    const CoveredPart<Float4> by_cut{s.share, s.x, s.y};
     s.cover(at_surface & (part.share < s.share), part);
-    if (any(both)) cover_both(both, s);
+    if (any(both)) cover_both(both, by_cut, s);
     s.note_crossing(at_surface, value, along, around, along4(solid, s.unit));
   }
   const Int4 counts = s.share > kLeastShare;

@@ -41,23 +41,29 @@ Float4 square_of(float half_along, const Float4& half_around, const Float4& alon
 // if they are covered.
 void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
                                       const Int4& may_count, Lanes& s) const noexcept {
+  // Deeper in the void than the print makes it and than half of a piece is large, no wall crosses it.
+  const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
+  Int4 others = may_count & near;
+  if (!any(others)) return;
   // The print falls behind by `advance` of the way, and by its curvature along the motion.
   const Float4 advance = greatest(s.advance * cut.per_speed, Float4{});
   const auto way_from_print = [&](float voxels) {
     const float away = voxels * cut.voxel;
-    const Float4 way = 2 * away /
-                       greatest(advance + square_root(advance * advance + 2 * away * cut.bend),
-                                all4(kLeastExtent));
-    return least(way, all4(scan.straight));
+    Float4 way = 2 * away /
+                 greatest(advance + square_root(advance * advance + 2 * away * cut.bend),
+                          all4(kLeastExtent));
+    way = least(way, all4(scan.straight));
+    const Eigen::Vector3f back = scan.reach * s.unit;
+    for (int p = 0; p < kPieces; ++p)
+      if (others[p])
+        way[p] = scan.known_way(Eigen::Vector3f(s.ix[p], s.iy[p], s.iz[p]) - back, s.unit, way[p]);
+    return way;
   };
   const auto ahead = [&](const Float4& way) {
     const Float4 far = way - scan.reach;
     return Place{s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
   };
   const Float4 way = way_from_print(kFromPrint);
-  // Deeper in the void than the print makes it and than half of a piece is large, no wall crosses it.
-  const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
-  Int4 others = may_count & near;
   const Float4 way_there = way_from_print(kGrooveFromPrint);
   Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
   for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
