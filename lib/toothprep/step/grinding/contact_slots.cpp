@@ -17,9 +17,10 @@ constexpr float kExplained = 0.05f;
 // What is farther from a slot's surface than this (voxels) says nothing of where it is, and nothing crosses a piece
 // whose middle is this much farther than its rim.
 constexpr float kFarOff = 2.5f, kBeyondRim = 1.5f;
-// A value may be that of the bur's own print if it is no more than this (voxels) above it, and all of a cell is if its
-// middle isn't that much above. With fewer values of a cell than this it isn't known what slot is there.
-constexpr float kAbovePrint = 0.1f, kOtherThanPrint = 0.02f;
+// A value may be that of the bur's own print if it is no more than this (voxels) above it, nor than this part of how far
+// that is away: on the way back the bur's own slot is little farther. All of a cell is print if its middle isn't that
+// much above. With fewer values of a cell than this it isn't known what slot is there.
+constexpr float kAbovePrint = 0.1f, kPartToPrint = 0.5f, kOtherThanPrint = 0.02f;
 constexpr int kLeastValues = 4;
 constexpr float kLeastSteep = 0.2f;  // squared, of a slot's field
 constexpr int kSteps = 3;            // of least squares
@@ -103,7 +104,7 @@ struct ContactModel::Slots {
   // Whether a value may be that of the bur's own print: it says only that no slot is above it.
   Int4 is_print(int cell, int k) const {
     return cells[cell].corner(k) + from_print + outside[cell] + to_corner(k, rise) <
-           kAbovePrint * cut.voxel;
+           least(all4(kAbovePrint * cut.voxel), kPartToPrint * from_print);
   }
   // In the middle of a cell.
   Float4 middle_of(int cell) const {
