@@ -9,6 +9,7 @@
 #include <limits>
 #include <sstream>
 
+#include "../../support/repetitions.h"
 #include "synthetic_trace.h"
 #include "toothprep/step/core/errors.h"
 #include "toothprep/tools/files/trace.h"
@@ -166,8 +167,9 @@ TEST_F(TraceFile, NoTruncationIsTakenForATrace) {
 TEST_F(TraceFile, AFlippedByteIsAnErrorOrATraceNeverACrash) {
   write_trace(synthetic_trace(40), path_);
   const std::string whole = bytes_of(path_);
+  const auto many = static_cast<std::size_t>(flips(80));
   int refused = 0, tried = 0;
-  for (std::size_t at = 0; at < whole.size(); at += 1 + whole.size() / 250, ++tried) {
+  for (std::size_t at = 0; at < whole.size(); at += 1 + whole.size() / many, ++tried) {
     std::string damaged = whole;
     damaged[at] = static_cast<char>(damaged[at] ^ 0xff);
     std::ofstream(other_, std::ios::binary) << damaged;

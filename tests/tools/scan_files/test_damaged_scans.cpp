@@ -12,6 +12,7 @@
 #include <random>
 #include <sstream>
 
+#include "../../support/repetitions.h"
 #include "../../support/scan_files.h"
 
 namespace toothprep {
@@ -298,7 +299,7 @@ TEST_F(DamagedScans, FlippedBytesOfHeadersAndStreamsNeverDoMore) {
     const std::string whole = bytes_of(path(sample.name));
     if (whole.size() <= sample.plain) continue;
     std::vector<Damage> damages;
-    for (int round = 0; round < 100; ++round) {
+    for (int round = 0; round < flips(35); ++round) {
       const std::size_t at = random() % (whole.size() - sample.plain);
       const auto to = static_cast<char>(random());
       damages.push_back({sample.name + " byte " + std::to_string(at) + " = " +
