@@ -64,17 +64,19 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
     return Place{s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
   };
   const Float4 way = way_from_print(kFromPrint);
-  const Float4 way_there = way_from_print(kGrooveFromPrint);
-  Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
-  for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
-  if (leaves_slots_ && any(beside_slots))
-    others &= ~cover_by_slots(scan, cut, ahead(way_there),
-                              way_there * (advance + 0.5f * cut.bend * way_there), beside_slots, s);
-  others &= way > static_cast<float>(look_ahead_);
-  if (has_edges_ && any(others)) {
-    cover_grooves(scan, cut, ahead(way_there), others, s);
+  const Int4 clear = way > static_cast<float>(look_ahead_);
+  if (has_edges_) {
+    const Float4 way_there = way_from_print(kGrooveFromPrint);
+    Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
+    for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
+    if (leaves_slots_ && any(beside_slots))
+      others &=
+          ~cover_by_slots(scan, cut, ahead(way_there),
+                          way_there * (advance + 0.5f * cut.bend * way_there), beside_slots, s);
+    if (any(others & clear)) cover_grooves(scan, cut, ahead(way_there), others & clear, s);
     others &= ~s.groove;
   }
+  others &= clear;
   if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
 }
 
