@@ -18,7 +18,8 @@ TEST(FreshSlots, OfFlatEndsThatLeanBackTakeTheirEnergy) {
 }
 
 // In the middle of the block the power is level. Many of the pieces that the top face crosses are curved
-// in a shallow slot: the face divides them, and v·n and r change over them, to second order.
+// in a shallow slot: the face divides them, and v·n and r change over them, to second order. Where the surface turns away
+// from the motion, what advances and what the bur's own print leaves are cut off together.
 TEST(FreshSlots, OfPartialDepthByCurvedBursTakeTheirPower) {
   for (const char* bur : {"ball:D1.2", "taper:D1.4xL4.0xA4", "cylinder:D1.2xL4.0xR0.3"}) {
     double squares = 0, worst = 0;
@@ -33,8 +34,8 @@ TEST(FreshSlots, OfPartialDepthByCurvedBursTakeTheirPower) {
       }
     const double rms = std::sqrt(squares / count);
     std::printf("%-24s rms %.3f %%, worst %.3f %%\n", bur, 100 * rms, 100 * worst);
-    EXPECT_LT(rms, 0.0007) << bur;
-    EXPECT_LT(worst, 0.0015) << bur;
+    EXPECT_LT(rms, 0.00015) << bur;
+    EXPECT_LT(worst, 0.0003) << bur;
   }
 }
 

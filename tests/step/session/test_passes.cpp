@@ -155,6 +155,16 @@ TEST(OverlappingPasses, BesideASlotOfAFlatEndThatLeansByADegreeTheWorkIsRight) {
   }
 }
 
+// Over an earlier slot's floor a flat end is deep in the void, but a corner of an element may reach beyond the wall beside
+// that floor: the middle of the element doesn't tell.
+TEST(OverlappingPasses, WhatOnlyACornerOfAFlatEndsElementReachesCounts) {
+  const char* bur = "inverted-cone:D1.2xL1.6xA8";
+  for (const Passes& p : {Passes{bur, 0.1682, 0.3017, 0.3482, 0.6, {0, 0.3592, 0.5522}},
+                          Passes{bur, 0.4568, 0.063, 0.2719, 0.6, {0, 0.1762, -0.061}},
+                          Passes{bur, 0.155, 0.3275, 0.1645, 0.6, {0, 0.2795, -0.426}}})
+    expect_right(p, errors_of(p, 0.05, 0.003, 0.0005));
+}
+
 // What is known of walls that the same bur left with the same lean must not be taken for known of others.
 TEST(OverlappingPasses, BesideASlotOfAnotherBurOrLeanTheWorkIsRight) {
   struct Pass {

@@ -91,8 +91,9 @@ class ContactModel {
     bool oblique = false;       // the tooth's surface crosses it obliquely
     std::uint8_t only = 0;      // the label of the one tissue that it lies in, or 0
     float share = 0;            // of it in contact, roughly
-    // Of each of its pieces what is covered, its middle, and the same of each tissue; see settled_.
+    // Of each of its pieces what is covered, its middle, by which lines, and the same of each tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
+    Crossing crossing;
     std::array<double, kPieces> slots_from{};  // mm of way, from which on slots are looked for
     double holds = 0;                          // as of settled_, but for a whole sample
     int tissue = -1;                           // of all of them, or -1: as of_tissue has it
@@ -104,7 +105,6 @@ class ContactModel {
   struct Lanes;
   // Their axes.
   struct PieceAxes;
-  struct Borders;
   struct CutOfPieces;
   struct Place;
   struct AtBorder;
@@ -138,6 +138,8 @@ class ContactModel {
   void look(const Scan& scan, const std::int32_t* elements, int count) noexcept;
   void locate(const Scan& scan, Look& look) noexcept;
   bool floor_at_edge(const Scan& scan, int lane, const Look& look) const noexcept;
+  Float4 at_corners(const Scan& scan, int lane, const Look& look) const noexcept;
+  bool corner_in_tissue(const Scan& scan, int lane, const Look& look) const noexcept;
   bool corner_in_void(const Scan& scan, int lane, const Look& look) const noexcept;
   void look_farther(const Scan& scan, Look& look) noexcept;
   void look_for_tissue(const Scan& scan, int lane, Look& look) noexcept;

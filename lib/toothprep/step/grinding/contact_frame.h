@@ -145,22 +145,6 @@ inline float share_inside(float value, float extent) {
   return std::min(std::max(share, 0.0f), 1.0f);
 }
 
-// Where fields cross four pieces, as lines: tissue lies where value + along x + around y is negative (mm, over
-// -1 .. 1 along the axes of a piece).
-struct ContactModel::Borders {
-  Float4 value, along, around;
-
-  // All of a piece is tissue.
-  static Borders none() { return {all4(-1), Float4{}, Float4{}}; }
-  CoveredPart<Float4> part() const { return covered_part<Float4>(value, along, around); }
-  void replace(const Int4& where, const Borders& by) {
-    value = where ? by.value : value;
-    along = where ? by.along : along;
-    around = where ? by.around : around;
-  }
-  DividingLine line(int p) const { return {value[p], along[p], around[p]}; }
-};
-
 // Of four pieces, in voxels.
 struct ContactModel::Place {
   Float4 x, y, z;
@@ -184,7 +168,7 @@ struct ContactModel::AtBorder {
   }
 };
 
-struct ContactModel::Lanes {
+struct ContactModel::Lanes : Crossing {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
   float curvature_along;
@@ -199,21 +183,17 @@ struct ContactModel::Lanes {
   std::array<double, kPieces>* slots_from;  // as of Standing
   Int4 live;                                // -1: may be in contact, 0: not
   Float4 share, x, y;                       // as of CoveredPart
-  // What crosses the pieces: the cut, at a ridge or in a groove its other wall, and the tooth's own surface.
-  Borders cut, beside, surface;
-  Int4 groove;          // -1: those two walls make one, so that what lies under either is tissue
-  Int4 by_slots;        // -1: the share is what slots leave, which these lines only resemble
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
   int tissue;           // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];
 
-  // What is covered of piece p, under the tooth's surface and another line.
-  CoveredPart<float> under_all(int p, const DividingLine& other) const {
-    const DividingLine cut_line = cut.line(p), beside_line = beside.line(p),
-                       of_tooth = surface.line(p);
-    if (!groove[p]) return covered_by_all({cut_line, beside_line, of_tooth, other});
-    return without(covered_by_all({of_tooth, other}),
-                   covered_by_all({cut_line.turned(), beside_line.turned(), of_tooth, other}));
+  // What lies on one side of a line as well, of what was found to be covered of piece p.
+  CoveredPart<float> also_under(int p, const DividingLine& line) const {
+    const CoveredPart<float> part = under_all(p, line);
+    if (!by_slots[p]) return part;
+    const CoveredPart<float> all = under_all(p, DividingLine::none());
+    if (!(all.share > kLeastShare)) return {share[p], x[p], y[p]};
+    return {share[p] * part.share / all.share, x[p] + part.x - all.x, y[p] + part.y - all.y};
   }
   void cover(const Int4& where, const CoveredPart<Float4>& part) {
     share = where ? part.share : share;
@@ -267,15 +247,18 @@ inline Float4 straightened(const Float4& c, const Float4& a, const Float4& b, co
                            const Float4& e, const Float4& f) {
   const Float4 abs_a = magnitude(a), abs_b = magnitude(b), one = all4(1);
   const Float4 larger = greatest(greatest(abs_a, abs_b), all4(kLeastExtent));
-  const Float4 at = c / larger, slant = greatest(least(abs_a, abs_b) / larger, all4(kLeastSlant));
-  // The line is u = -at - slant v, u towards the larger change.
+  const Int4 along = abs_a > abs_b;
+  // Towards the larger change u the field is 0 at -at; where it only comes near to 0, it does so there.
+  const Float4 at =
+      2 * c / (larger + square_root(greatest(larger * larger - 4 * c * (along ? d : e), Float4{})));
+  const Float4 slant = greatest(least(abs_a, abs_b) / larger, all4(kLeastSlant));
+  // The line is u = -at - slant v.
   const Float4 from = least(greatest((-1 - at) / slant, -one), one),
                to = least(greatest((1 - at) / slant, -one), one);
   const Float4 middle = 0.5f * (from + to), half = 0.5f * (to - from);
   const Float4 vv = middle * middle + (1.0f / 3) * half * half;
   const Float4 uu = least(at * at + slant * (2 * at * middle + slant * vv), one),
                uv = least(greatest(-at * middle - slant * vv, -one), one);
-  const Int4 along = abs_a > abs_b;
   return c + d * (along ? uu : vv) + e * (along ? vv : uu) +
          f * turned_where_negative(a, turned_where_negative(b, uv));
 }

@@ -23,8 +23,8 @@ constexpr float kAdvancesLittle = 0.02f;
 // one if it is as steep as this (squared), runs along the motion (1 over the sine) and lies that far (voxels) above.
 constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFloor = 30,
                 kThinFloor = 0.02f;
-// So far within a cut (voxels) a corner is in the void, whatever the lattice rounds.
-constexpr float kCornerInVoid = 0.05f;
+// So far within a cut, or outside of it (voxels), a corner is in the void or in tissue, whatever the lattice rounds.
+constexpr float kCornerStandsOut = 0.05f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
@@ -83,7 +83,8 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
   const Float4 left = greatest(kStands * gap, aside);
   s.remains = s.live & (s.value < clear_of);
   for (int p = 0; p < count; ++p)
-    if (s.live[p] && !s.remains[p] && floor_at_edge(scan, p, s)) s.remains[p] = -1;
+    if (s.live[p] && !s.remains[p] && (floor_at_edge(scan, p, s) || corner_in_tissue(scan, p, s)))
+      s.remains[p] = -1;
   for (int p = 0; p < count; ++p) {
     const std::int32_t i = elements[p];
     settled_[i] = -1;
@@ -223,9 +224,8 @@ void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
   s.clear = hidden ? clear : s.clear;
 }
 
-// Whether a corner of one of them lies in a cut that its middle doesn't tell of: there the bur's own print is nearer.
-bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const noexcept {
-  if (-s.value[p] >= s.corner[p]) return false;
+// The cut at the corners of one of them, mm.
+Float4 ContactModel::at_corners(const Scan& scan, int p, const Look& s) const noexcept {
   const IndexFrame& f = scan.frame;
   const int i = s.elements[p];
   const SurfaceElements& e = elements_;
@@ -239,8 +239,25 @@ bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const 
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
              Int4{-1, -1, -1, -1});
-  return any(cells.at(at.fx, at.fy, at.fz).value >
-             kCornerInVoid * static_cast<float>(scan.workpiece.voxel()));
+  return cells.at(at.fx, at.fy, at.fz).value;
+}
+
+// Whether a corner of one of them lies in a cut that its middle doesn't tell of: there the bur's own print is nearer.
+bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const noexcept {
+  return -s.value[p] < s.corner[p] &&
+         any(at_corners(scan, p, s) >
+             kCornerStandsOut * static_cast<float>(scan.workpiece.voxel()));
+}
+
+// Whether a corner of one of them lies in tissue that its middle doesn't tell of: over an earlier slot's floor that is
+// nearer than the wall beside it. At the bur's own edges floor_at_edge() tells.
+bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) const noexcept {
+  const int i = s.elements[p];
+  const SurfaceElements& e = elements_;
+  return edge_[i] == 0 && s.value[p] < s.corner[p] &&
+         Eigen::Vector3f(e.nx[i], e.ny[i], e.nz[i]).dot(s.u[p]) > kAdvancesLittle &&
+         any(at_corners(scan, p, s) <
+             -kCornerStandsOut * static_cast<float>(scan.workpiece.voxel()));
 }
 
 void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {

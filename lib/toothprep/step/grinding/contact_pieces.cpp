@@ -87,8 +87,6 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   s.cells = &near_[i];
   s.slots_from = &standing_[i].slots_from;
   s.stays = s.holds = all4(kUnbounded);
-  s.cut = s.beside = s.surface = Borders::none();
-  s.groove = s.by_slots = Int4{};
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
   if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);
@@ -98,6 +96,7 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   store4(s.share, standing.covered.data());
   store4(s.x, standing.x.data());
   store4(s.y, standing.y.data());
+  standing.crossing = s;
   standing.tissue = s.tissue;
   if (s.tissue < 0) std::copy_n(s.of_tissue, kTissueCount, standing.of_tissue);
   // What doesn't advance counts only once the motion turns, which is way as well.
@@ -113,6 +112,7 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
 void ContactModel::take_settled(const Standing& standing, Lanes& s) noexcept {
   s.share = load4(standing.covered.data());
   s.x = load4(standing.x.data()), s.y = load4(standing.y.data());
+  static_cast<Crossing&>(s) = standing.crossing;
   s.tissue = standing.tissue;
   if (s.tissue < 0) std::copy_n(standing.of_tissue, kTissueCount, s.of_tissue);
 }
@@ -295,19 +295,25 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
                ty = load4(&pieces.ty[first]);
   const float turn_along = s.curvature_along * pieces.half_along[first];
   const Float4 turn_around = s.curvature_around * load4(&pieces.half_around[first]);
-  const CoveredPart<Float4> part =
-      covered_part<Float4>(-s.advance, -turn_along * (s.ux * lx + s.uy * ly + s.uz * lz),
-                           -turn_around * (s.ux * tx + s.uy * ty));
+  const Borders border{-s.advance, -turn_along * (s.ux * lx + s.uy * ly + s.uz * lz),
+                       -turn_around * (s.ux * tx + s.uy * ty)};
+  const CoveredPart<Float4> part = border.part();
   const Int4 partly = (part.share > kLeastShare) & (part.share < 1 - kLeastShare);
-  const auto take = [&](Float4& share, Float4& x, Float4& y) {
-    const Int4 less = partly & (part.share < share);
-    x = less ? part.x : x;
-    y = less ? part.y : y;
-    share = partly ? share * part.share : share;
-  };
-  take(s.share, s.x, s.y);
+  const Int4 crossed = partly & (s.share > kLeastShare) & (s.share < 1 - kLeastShare);
+  const Float4 before = s.share;
+  s.cover(partly & (s.share >= 1 - kLeastShare), part);
+  for (int p = 0; p < kPieces; ++p) {
+    if (!crossed[p]) continue;
+    // Where the surface turns away from the motion its own print lies behind it: the cut leaves out the same.
+    const CoveredPart<float> left = s.also_under(p, border.line(p));
+    s.share[p] = left.share, s.x[p] = left.x, s.y[p] = left.y;
+  }
   if (s.tissue >= 0) return;
-  for (auto& of : s.of_tissue) take(of.share, of.x, of.y);
+  const Float4 left = s.share / greatest(before, all4(kLeastShare));
+  for (auto& of : s.of_tissue) {
+    const Int4 less = partly & (s.share < of.share);
+    of = {partly ? of.share * left : of.share, less ? s.x : of.x, less ? s.y : of.y};
+  }
 }
 
 // The middle of what is covered of each piece, with the mean normal there; and the arm that makes the mean

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <utility>
 
 #include "toothprep/step/grinding/four_lanes.h"
 
@@ -68,14 +69,18 @@ struct DividingLine {
   };
   constexpr int kMost = 16;  // a line adds one corner; by rounding alone each could become two
   constexpr float kLeastArea = 1e-6f;
-  Point polygon[kMost] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+  Point corners[2][kMost];
+  Point *polygon = corners[0], *rest = corners[1];
+  polygon[0] = {-1, -1}, polygon[1] = {1, -1}, polygon[2] = {1, 1}, polygon[3] = {-1, 1};
   int count = 4;
   for (const DividingLine& line : lines) {
-    Point rest[kMost];
+    if (line.c + magnitude(line.a) + magnitude(line.b) < 0) continue;  // it divides nothing
     int left = 0;
+    float at_q = count > 0 ? line.at(polygon[0].x, polygon[0].y) : 0;
     for (int i = 0; i < count; ++i) {
       const Point p = polygon[i], q = polygon[i + 1 < count ? i + 1 : 0];
-      const float at_p = line.at(p.x, p.y), at_q = line.at(q.x, q.y);
+      const float at_p = at_q;
+      at_q = line.at(q.x, q.y);
       if (left + 2 > kMost) break;
       if (at_p < 0) rest[left++] = p;
       if ((at_p < 0) == (at_q < 0)) continue;
@@ -83,7 +88,7 @@ struct DividingLine {
       rest[left++] = {p.x + way * (q.x - p.x), p.y + way * (q.y - p.y)};
     }
     count = left;
-    std::copy_n(rest, count, polygon);
+    std::swap(polygon, rest);
   }
   float area = 0, x = 0, y = 0;  // twice the area, six times its moments
   for (int i = 0; i < count; ++i) {
@@ -106,5 +111,39 @@ struct DividingLine {
   };
   return {share, rest(all.x, part.x), rest(all.y, part.y)};
 }
+
+// Where fields cross four pieces, as lines: tissue lies where value + along x + around y is negative (mm, over
+// -1 .. 1 along the axes of a piece).
+struct Borders {
+  Float4 value, along, around;
+
+  // All of a piece is tissue.
+  static Borders none() { return {all4(-1), Float4{}, Float4{}}; }
+  [[nodiscard]] CoveredPart<Float4> part() const {
+    return covered_part<Float4>(value, along, around);
+  }
+  void replace(const Int4& where, const Borders& by) {
+    value = where ? by.value : value;
+    along = where ? by.along : along;
+    around = where ? by.around : around;
+  }
+  [[nodiscard]] DividingLine line(int p) const { return {value[p], along[p], around[p]}; }
+};
+
+// What crosses four pieces: the cut, at a ridge or in a groove its other wall, and the tooth's own surface.
+struct Crossing {
+  Borders cut = Borders::none(), beside = Borders::none(), surface = Borders::none();
+  Int4 groove{};    // -1: those two walls make one, so that what lies under either is tissue
+  Int4 by_slots{};  // -1: the share is what slots leave, which these lines only resemble
+
+  // What is covered of piece p, under the tooth's surface and another line.
+  [[nodiscard]] CoveredPart<float> under_all(int p, const DividingLine& other) const noexcept {
+    const DividingLine cut_line = cut.line(p), beside_line = beside.line(p),
+                       of_tooth = surface.line(p);
+    if (!groove[p]) return covered_by_all({cut_line, beside_line, of_tooth, other});
+    return without(covered_by_all({of_tooth, other}),
+                   covered_by_all({cut_line.turned(), beside_line.turned(), of_tooth, other}));
+  }
+};
 
 }  // namespace toothprep
