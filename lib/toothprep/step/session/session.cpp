@@ -44,6 +44,7 @@ class Session::Work {
   std::unique_ptr<GrindingEngine> engine_;
   int most_parts_;  // of a step that is split
   BurState state_;
+  Vec3 velocity_before_ = Vec3::Zero();  // mm/s, W: a step ago
   StepRecord initial_;
   SessionTotals totals_;
   // Of a tooth with several bodies; what had been removed of each before.
@@ -147,7 +148,11 @@ void Session::Work::count_work(const StepPart& part, double h) noexcept {
 
 int Session::Work::parts_of_step() noexcept {
   if (model_.drive == Drive::kDirect) return 1;
-  const double way = state_.velocity.norm() * model_.parameters.time_step / workpiece_.voxel();
+  // Where it turns back it is slow for a moment, and the spring takes it along within the step.
+  const Vec3 goes_on = 2 * state_.velocity - velocity_before_;
+  velocity_before_ = state_.velocity;
+  const double way = std::max(state_.velocity.norm(), goes_on.norm()) *
+                     model_.parameters.time_step / workpiece_.voxel();
   const int wanted = wanted_parts(way);
   totals_.split_steps += wanted > 1;
   totals_.split_steps_cut_short += wanted > most_parts_;
