@@ -72,8 +72,8 @@ Spread spread_at(double voxel) {
 }
 
 void expect_small(const Spread& s) {
-  EXPECT_LT(s.mean, 0.3);
-  EXPECT_LT(s.worst, s.cases <= 48 ? 1.2 : 2.5);
+  EXPECT_LT(s.mean, 0.27);
+  EXPECT_LT(s.worst, s.cases <= 48 ? 1 : 1.1);
 }
 
 TEST(DrawnPasses, AreRightInTheMeanAtATenthOfAMillimetre) { expect_small(spread_at(0.1)); }

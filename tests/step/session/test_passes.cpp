@@ -217,8 +217,10 @@ TEST(OverlappingPasses, BesideASlotOfAnotherBurOrLeanTheWorkIsRight) {
 // A third pass takes the ridge that two others left between them. On the lattice it is rounded, by 0.02 of the ball's
 // pass here.
 TEST(OverlappingPasses, ARidgeThatTwoPassesLeftIsTakenAsHighAsItIs) {
-  for (const Passes& p : {Passes{"ball:D1.2", 0.16, -0.26, -0.3, 0.3, {0, -0.581, -0.23}},
-                          Passes{"ball:D0.9", 0.93, -0.27, 0.2, 0.3, {0, -0.284, -0.251}}})
+  for (const Passes& p :
+       {Passes{"ball:D1.2", 0.16, -0.26, -0.3, 0.3, {0, -0.581, -0.23}},
+        Passes{"ball:D0.9", 0.93, -0.27, 0.2, 0.3, {0, -0.284, -0.251}},
+        Passes{"taper:D1.4xL4.0xA4", 0.277, 0.2173, 0.0099, 0.6, {0, -0.6162, -0.4646}}})
     EXPECT_LT(errors_of(p, 0.05, 0.003, 0.0005).beyond, 1) << p.bur;
 }
 

@@ -63,6 +63,7 @@ struct ContactModel::CutOfPieces {
   float voxel;         // mm
   Float4 wall;         // mm; by how much a wall stands out
   float per_speed;     // s/mm
+  bool flat;           // the surface, as a flat end is
   bool may_be_ridges;  // not along straight sides, which are swept as they are
   Float4 nx, ny, nz;   // normal, B
   Float4 ux, uy, uz;   // velocity, mm/s, B
@@ -80,7 +81,8 @@ struct ContactModel::CutOfPieces {
         voxel(static_cast<float>(scan.workpiece.voxel())),
         wall(kWall * voxel * voxel * (curvature_along + curvature_around)),
         per_speed(s.speed > 0 ? 1 / s.speed : 0),
-        may_be_ridges(curvature_along != 0 || !any(curvature_around != 0)),
+        flat(curvature_along == 0 && !any(curvature_around != 0)),
+        may_be_ridges(curvature_along != 0 || flat),
         nx(load4(&pieces.nx[first])),
         ny(load4(&pieces.ny[first])),
         nz(load4(&pieces.nz[first])),
@@ -170,9 +172,9 @@ struct ContactModel::CutOfPieces {
   // bur leaves are concave.
   Float4 at_most(const Wall& by, const Wall& other) const {
     const FourSamples& g = by.sample;
-    const Float4 flat =
+    const Float4 by_plane =
         g.value + g.gx * (other.x - by.x) + g.gy * (other.y - by.y) + g.gz * (other.z - by.z);
-    return knows(g) ? field(by, other.x, other.y, other.z).value : flat;
+    return knows(g) ? field(by, other.x, other.y, other.z).value : by_plane;
   }
   // Whether that is one wall, along the motion.
   Int4 is_one_wall(const FourSamples& g) const {
@@ -205,9 +207,12 @@ struct ContactModel::CutOfPieces {
                  t = axes.around_x * w.x + axes.around_y * w.y;
     // What the bur is fed against is its own print, as curved as it is.
     const Float4 beside = least(w.x * w.x + w.y * w.y + w.z * w.z, all4(1));
-    const Float4 wall_along = beside * (-0.5f * curvature_along) * l * l,
-                 wall_around = beside * (-0.5f * curvature_around) * t * t,
-                 wall_both = beside * (-0.5f * (curvature_along + curvature_around)) * l * t,
+    Float4 towards_l = all4(curvature_along), towards_t = curvature_around;
+    if (flat && any(knows(g)))  // by the corner around it
+      towards_l = towards_t = knows(g) ? curvature_of(g, w) : Float4{};
+    const Float4 wall_along = beside * (-0.5f * towards_l) * l * l,
+                 wall_around = beside * (-0.5f * towards_t) * t * t,
+                 wall_both = beside * (-0.5f * (towards_l + towards_t)) * l * t,
                  bent_along = beside * axes.bent_along(g),
                  bent_around = beside * axes.bent_around(g);
     const Float4 straight_along = axes.along(g), straight_around = axes.around(g);

@@ -24,7 +24,7 @@ constexpr float kAdvancesLittle = 0.02f;
 constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFloor = 30,
                 kThinFloor = 0.02f;
 // So far within a cut, or outside of it (voxels), a corner is in the void or in tissue, whatever the lattice rounds.
-constexpr float kCornerStandsOut = 0.05f;
+constexpr float kCornerStandsOut = 0.02f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;

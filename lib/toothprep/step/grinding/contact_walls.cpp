@@ -20,9 +20,9 @@ constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
 // bur left itself. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
 // that the end itself leaves when it leans.
 constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
-// The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, twice as far if
-// there isn't one wall yet, and they meet in one if each lies that far (voxels) within the other.
-constexpr float kAside = 1.5f, kApart = 0.05f;
+// The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, then farther if there
+// isn't one wall yet, and they meet in one if each lies that far (voxels) within the other.
+constexpr float kAside[] = {1.5f, 2.25f, 3}, kApart = 0.05f;
 // The lattice flattens a ridge by less than this (voxels).
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
@@ -126,12 +126,11 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
         within(per_square * border.around / cut.half_around, kWithinPiece * cut.half_around), far,
         crossed);
     border.replace(crossed, cut.borders(found));
-    const bool flat = cut.curvature_along == 0 && !any(cut.curvature_around != 0);
     const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
     border.replace(found_little, cut.without_thin(border));
     const CoveredPart<Float4> part = border.part();
     const Int4 crosses =
-        (flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) &
+        (cut.flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) &
         (square_of(cut.half_along, cut.half_around, border.along, border.around) > kCrosses);
     const Int4 counts = crossed & cut.is_one_wall(found.sample) &
                         ((part.share < s.share) | crosses | ~found_little);
@@ -177,16 +176,19 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
       square_of(cut.half_along, cut.half_around, border.along, border.around), all4(kLeastExtent));
   const Float4 by_along = border.along / cut.half_along,
                by_around = border.around / cut.half_around;
-  const Float4 to_border = -border.value / square, aside = kAside * cut.voxel / square_root(square);
+  const Float4 to_border = -border.value / square, aside = cut.voxel / square_root(square);
   const Float4 x = within(to_border * by_along, all4(cut.half_along)),
                y = within(to_border * by_around, cut.half_around);
   const Float4 dx = -aside * by_around, dy = aside * by_along;
-  const auto look_beside = [&](float times) {
-    Wall wall = look_at_wall(scan, cut, x + times * dx, y + times * dy, far, wanted);
-    const Int4 again = wanted & ~cut.is_one_wall(wall.sample);
-    if (any(again))
-      wall.replace(again,
-                   look_at_wall(scan, cut, x + 2 * times * dx, y + 2 * times * dy, far, again));
+  const auto look_beside = [&](float side) {
+    Wall wall{};
+    Int4 looked = wanted;
+    for (const float voxels : kAside) {
+      const float way = side * voxels;
+      wall.replace(looked, look_at_wall(scan, cut, x + way * dx, y + way * dy, far, looked));
+      looked &= ~cut.is_one_wall(wall.sample);
+      if (!any(looked)) break;
+    }
     return wall;
   };
   const Wall sides[2] = {look_beside(1), look_beside(-1)};
