@@ -74,6 +74,19 @@ TEST(CoveredPart, OfABentBorderIsThatOfTheStraightOneThatDividesThePieceAlike) {
   EXPECT_GT(std::sqrt(squares_straight / count), 0.006);
 }
 
+// So a bur lies on the wall of its own slot as it goes back: the line is where it touches, beyond which it recedes.
+TEST(CoveredPart, OfABorderThatOnlyTouchesThePieceTheLineIsWhereItDoes) {
+  for (const float place : {-0.9f, -0.3f, 0.1f, 0.5f, 0.9f})
+    for (const bool along : {true, false}) {
+      // (u - place)² r
+      const float r = 0.2f, slope = -2 * place * r;
+      const Float4 c = all4(place * place * r), zero{}, bend = all4(r);
+      const Float4 middle = along ? straightened(c, all4(slope), zero, bend, zero, zero)
+                                  : straightened(c, zero, all4(slope), zero, bend, zero);
+      EXPECT_NEAR(-middle[0] / slope, place, 0.01f);
+    }
+}
+
 // Of two hundred pairs of lines what `part` makes of them, against counting the places that are `covered`.
 template <class Part, class Covered>
 void expect_as_counted(const Part& part, const Covered& covered) {

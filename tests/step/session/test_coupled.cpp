@@ -381,8 +381,9 @@ TEST(Coupled, ABurThatFliesOutOfAStretchedSpringRemovesNothingWithoutWork) {
   // bur swings at half a metre a second, which is several voxels a step, and comes back to the
   // wall. Work and removal still agree: of one such flight to 3 %, of fourteen to 1.2 %, since how
   // the bur meets the wall again differs from flight to flight (72 of them, at other places beside
-  // these: mean 0.9900, standard deviation 0.0044, least 0.9811; 0.0048 and 0.9790 while
-  // parts of a step were as many as the bur was fast at its start, which is slow where it turns back).
+  // these: mean 0.9900, standard deviation 0.0044, least 0.9811. While the speed at a step's start
+  // alone said in how many parts it goes, which is low where the bur turns back, a flight that
+  // differed by rounding alone had 0.968).
   const Parameters p = paper_without_stall();
   double mean = 0;
   for (const double z : {-1.5, -1.47, -1.44, -1.41, -1.38, -1.35, -1.33})

@@ -63,7 +63,7 @@ struct ContactModel::CutOfPieces {
   float voxel;         // mm
   Float4 wall;         // mm; by how much a wall stands out
   float per_speed;     // s/mm
-  bool flat;           // the surface, as a flat end is
+  bool flat;           // as a flat end is
   bool may_be_ridges;  // not along straight sides, which are swept as they are
   Float4 nx, ny, nz;   // normal, B
   Float4 ux, uy, uz;   // velocity, mm/s, B

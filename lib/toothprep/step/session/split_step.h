@@ -1,10 +1,11 @@
 // A step that goes in parts: how many, and the row of the whole.
 //
 // A bur that moves freely (out of a stretched spring, say) covers several voxels in a step. It then
-// goes in parts of about a third of a voxel, at its present speed or that which it has if it goes on as in the
-// step before, so that it can't enter tissue without having met it. The cost is bounded: however fast the bur, the parts together stay within
-// half a time step of CPU on the slowest machine that is meant for live use. The number of parts
-// follows from the bur and the step alone, never from a clock, so that a replay repeats it.
+// goes in parts of about a third of a voxel, at its present speed or that which it has if its velocity
+// changes as in the step before, so that it can't enter tissue without having met it. The cost is
+// bounded: however fast the bur, the parts together stay within half a time step of CPU on the slowest
+// machine that is meant for live use. The number of parts follows from the bur and the steps alone,
+// never from a clock, so that a replay repeats it.
 #pragma once
 
 #include <cstddef>
