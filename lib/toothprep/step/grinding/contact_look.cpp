@@ -23,8 +23,8 @@ constexpr float kAdvancesLittle = 0.02f;
 // one if it is as steep as this (squared), runs along the motion (1 over the sine) and lies that far (voxels) above.
 constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFloor = 30,
                 kThinFloor = 0.02f;
-// So far within a cut, or outside of it (voxels), a corner is in the void or in tissue, whatever the lattice rounds.
-constexpr float kCornerStandsOut = 0.02f;
+// So far within a cut (voxels) a corner is in the void, and so far outside of it in tissue, whatever the lattice rounds.
+constexpr float kCornerInVoid = 0.005f, kCornerInTissue = 0.02f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
@@ -245,8 +245,7 @@ Float4 ContactModel::at_corners(const Scan& scan, int p, const Look& s) const no
 // Whether a corner of one of them lies in a cut that its middle doesn't tell of: there the bur's own print is nearer.
 bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const noexcept {
   return -s.value[p] < s.corner[p] &&
-         any(at_corners(scan, p, s) >
-             kCornerStandsOut * static_cast<float>(scan.workpiece.voxel()));
+         any(at_corners(scan, p, s) > kCornerInVoid * static_cast<float>(scan.workpiece.voxel()));
 }
 
 // Whether a corner of one of them lies in tissue that its middle doesn't tell of: over an earlier slot's floor that is
@@ -257,7 +256,7 @@ bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) cons
   return edge_[i] == 0 && s.value[p] < s.corner[p] &&
          Eigen::Vector3f(e.nx[i], e.ny[i], e.nz[i]).dot(s.u[p]) > kAdvancesLittle &&
          any(at_corners(scan, p, s) <
-             -kCornerStandsOut * static_cast<float>(scan.workpiece.voxel()));
+             -kCornerInTissue * static_cast<float>(scan.workpiece.voxel()));
 }
 
 void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {

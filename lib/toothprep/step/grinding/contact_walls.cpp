@@ -45,14 +45,16 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
   Int4 others = may_count & near;
   if (!any(others)) return;
-  // The print falls behind by `advance` of the way, and by its curvature along the motion.
+  // The print falls behind by `advance` of the way, and by its curvature along the motion. With fine voxels it is out of
+  // the way at the sample a little ahead, which doesn't tell of ridges.
+  const auto look_ahead = static_cast<float>(look_ahead_);
   const Float4 advance = greatest(s.advance * cut.per_speed, Float4{});
   const auto way_from_print = [&](float voxels) {
     const float away = voxels * cut.voxel;
     Float4 way = 2 * away /
                  greatest(advance + square_root(advance * advance + 2 * away * cut.bend),
                           all4(kLeastExtent));
-    way = least(way, all4(scan.straight));
+    way = least(greatest(way, all4(look_ahead)), all4(scan.straight));
     const Eigen::Vector3f back = scan.reach * s.unit;
     for (int p = 0; p < kPieces; ++p)
       if (others[p])
@@ -64,7 +66,7 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
     return Place{s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
   };
   const Float4 way = way_from_print(kFromPrint);
-  const Int4 clear = way > static_cast<float>(look_ahead_);
+  const Int4 clear = way >= look_ahead;
   if (has_edges_) {
     const Float4 way_there = way_from_print(kGrooveFromPrint);
     Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
