@@ -108,6 +108,7 @@ void Session::Work::find_bodies(const HandleSample& from, StepRecord& row) const
 StepRecord Session::Work::stand(const HandleSample& rejected) noexcept {
   ++totals_.rejected_steps;
   state_.velocity.setZero();
+  velocity_before_.setZero();
   state_.judged_velocity.setZero();
   StepRecord row;
   row.handle = rejected;
