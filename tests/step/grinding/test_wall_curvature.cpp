@@ -42,12 +42,50 @@ TEST(WallCurvature, IsThatOfTheHeadsOutlineAcrossTheMotion) {
         const double radius =
             reach(angle) +
             (reach(angle + kStep) - 2 * reach(angle) + reach(angle - kStep)) / (kStep * kStep);
+        const auto motion = static_cast<float>(std::sin(lean));
         const Float4 curvature =
-            walls.curvature(normal, all4(kValue), all4(static_cast<float>(std::sin(lean))));
+            walls.arc(normal).curvature({all4(kValue), normal, Float4{}, all4(motion)});
         EXPECT_NEAR(1 / static_cast<double>(curvature[0]), radius - kValue, 2e-3)
             << spec << " " << lean << " " << angle;
       }
     }
+  }
+}
+
+// Of a place in a swept head's void the depth is the least, over all directions across the motion, of how much farther
+// the head reaches than the place.
+TEST(WallCurvature, TellsTheFieldBesideAPlaceWhoseNormalIsKnown) {
+  constexpr double kPi = 3.14159265358979;
+  for (const char* spec : {"ball:D1.2", "taper:D1.4xL4.0xA4", "cylinder:D1.2xL4.0xR0.3"}) {
+    const Bur bur = make_bur(spec, "");
+    const WallCurvature walls(bur.profile());
+    for (const double lean : {0.05, 0.15, -0.4})
+      for (const double angle : {-1.2, -1.0, -0.6}) {
+        const auto reach = [&](double at) {
+          return reach_of(bur.profile(), std::sin(at) * std::cos(lean));
+        };
+        // In the plane across the motion, by this angle's direction and that square to it.
+        constexpr double kStep = 1e-3, kDepth = 0.02;
+        const double out = reach(angle) - kDepth,
+                     aside = (reach(angle + kStep) - reach(angle - kStep)) / (2 * kStep);
+        for (const double way : {-0.12, 0.08}) {
+          constexpr double kOut = 0.015;
+          double least = 1e9, turned = 0;
+          for (double turn = -kPi / 3; turn < kPi / 3; turn += 2e-3) {
+            const double depth = reach(angle + turn) - (out + kOut) * std::cos(turn) -
+                                 (aside + way) * std::sin(turn);
+            if (depth < least) least = depth, turned = turn;
+          }
+          const auto four = [](double x) { return all4(static_cast<float>(x)); };
+          const SweptArc::Known known{four(kDepth), four(std::sin(angle) * std::cos(lean)),
+                                      four(std::cos(angle) * std::cos(lean)), four(std::sin(lean))};
+          const SweptArc::Tangent t = walls.arc(known.normal).at(known, four(kOut), four(way));
+          EXPECT_NEAR(static_cast<double>(t.value[0]), least, 2e-5)
+              << spec << " " << lean << " " << angle << " " << way;
+          EXPECT_NEAR(static_cast<double>(t.sine[0]), std::sin(turned), 4e-3)
+              << spec << " " << lean << " " << angle << " " << way;
+        }
+      }
   }
 }
 

@@ -104,6 +104,16 @@ TEST(OverlappingPasses, BackThroughItsOwnSlotABurThatLeansAtAnyAngleFeelsNothing
               << bur << ", leant by " << along << ", " << depth << " mm deep, " << voxel;
 }
 
+// Where an earlier slot lies beside its own, the lattice around a bur's edge or rounded corner is made of both.
+TEST(OverlappingPasses, BackThroughItsOwnSlotBesideAnEarlierOneABurFeelsNothing) {
+  const Passes cases[] = {{"inverted-cone:D1.2xL1.6xA8", 0.521, 0.288, 0.008, 2, {0, -0.584}},
+                          {"inverted-cone:D1.2xL1.6xA8", 0.304, 0.134, -0.016, 0.6, {0, 0.144}},
+                          {"cylinder:D1.2xL4.0xR0.3", 0.172, 0.278, -0.146, 2, {0, -0.314, 0.266}},
+                          {"cylinder:D1.2xL4.0xR0.3", 0.187, -0.094, -0.009, 2, {0, 0.162}},
+                          {"ball:D0.9", 0.157, 0.271, 0.125, 0.6, {0, -0.235, -0.118}}};
+  for (const Passes& p : cases) expect_right(p, errors_of(p, 0.1));
+}
+
 TEST(OverlappingPasses, BesideTheSlotOfALeaningFlatEndedBurWorkIsRight) {
   for (const double voxel : {0.1, 0.05})
     for (const char* bur : {"cylinder:D1.2xL3.0", "inverted-cone:D1.2xL1.6xA8"})

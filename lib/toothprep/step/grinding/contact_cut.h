@@ -115,6 +115,12 @@ struct ContactModel::CutOfPieces {
   }
   // Whether the curvature of the wall is known that has this field: else it is taken to be the bur's here.
   Int4 knows(const FourSamples& g) const { return walls.know(-g.gz); }
+  // The same, by its arc: whose normal is a unit vector even where the lattice's gradient isn't.
+  SweptArc::Known known(const FourSamples& g, const Across& w) const {
+    const Float4 per_length =
+        1 / greatest(square_root(g.gx * g.gx + g.gy * g.gy + g.gz * g.gz), all4(kFlat));
+    return {g.value, -per_length * g.gz, per_length * w.z, per_speed * uz};
+  }
   // The curvature (1/mm) in that direction.
   Float4 curvature_of(const FourSamples& g, const Across& w) const {
     const Float4 l = (axes.along_x * w.x + axes.along_y * w.y + axes.along_z * w.z) / half_along,
@@ -122,7 +128,9 @@ struct ContactModel::CutOfPieces {
                  tt = t * t,
                  here = (curvature_along * ll + curvature_around * tt) /
                         greatest(ll + tt, all4(kFlat));
-    return knows(g) ? walls.curvature(-g.gz, g.value, per_speed * uz) : here;
+    if (!any(knows(g))) return here;
+    const SweptArc::Known k = known(g, w);
+    return knows(g) ? walls.arc(k.normal).curvature(k) : here;
   }
   // By how much a wall stands out on the lattice that the surface leaves when it is swept along itself: that has no
   // curvature that way, and all of the surface's Gaussian one.
@@ -151,21 +159,23 @@ struct ContactModel::CutOfPieces {
     found.value += known ? Float4{} : swept_wall();
     return found;
   }
-  // A wall's field at a place beside the middle (mm, B).
+  // A wall's field at a place beside the middle (mm, B): by its arc, or as if it were a circle.
   FourSamples field(const Wall& by, const Float4& x, const Float4& y, const Float4& z) const {
     FourSamples g = by.sample;
-    const Float4 dx = x - by.x, dy = y - by.y, dz = z - by.z,
-                 change = g.gx * dx + g.gy * dy + g.gz * dz;
+    const Float4 dx = x - by.x, dy = y - by.y, dz = z - by.z;
     const Across w = across(g);
-    const Float4 way = w.x * dx + w.y * dy + w.z * dz,
-                 curvature = greatest(curvature_of(g, w), all4(kFlat));
-    // About the line in which the arc's centre went.
-    const Float4 from = 1 / curvature, down = from - change,
-                 to = square_root(down * down + way * way), by_down = down / to, by_way = way / to;
-    g.value += (change * (from + down) - way * way) / (from + to);
-    g.gx = by_down * g.gx - by_way * w.x;
-    g.gy = by_down * g.gy - by_way * w.y;
-    g.gz = by_down * g.gz - by_way * w.z;
+    const Int4 is_known = knows(g);
+    SweptArc::Known k = known(g, w);
+    const SweptArc of = walls.arc(k.normal);
+    const SweptArc arc{
+        is_known ? of.centre : Float4{},
+        is_known ? of.radius : g.value + 1 / greatest(curvature_of(g, w), all4(kFlat))};
+    const SweptArc::Tangent there =
+        arc.at(k, -(g.gx * dx + g.gy * dy + g.gz * dz), w.x * dx + w.y * dy + w.z * dz);
+    g.value = there.value;
+    g.gx = there.cosine * g.gx - there.sine * w.x;
+    g.gy = there.cosine * g.gy - there.sine * w.y;
+    g.gz = there.cosine * g.gz - there.sine * w.z;
     return g;
   }
   // What it is at most where another wall is: where its curvature isn't known, as if it were flat, since all that a
@@ -208,8 +218,10 @@ struct ContactModel::CutOfPieces {
     // What the bur is fed against is its own print, as curved as it is.
     const Float4 beside = least(w.x * w.x + w.y * w.y + w.z * w.z, all4(1));
     Float4 towards_l = all4(curvature_along), towards_t = curvature_around;
-    if (flat && any(knows(g)))  // by the corner around it
-      towards_l = towards_t = knows(g) ? curvature_of(g, w) : Float4{};
+    if (const Int4 known = knows(g); any(known)) {
+      const Float4 curvature = curvature_of(g, w);
+      towards_l = known ? curvature : towards_l, towards_t = known ? curvature : towards_t;
+    }
     const Float4 wall_along = beside * (-0.5f * towards_l) * l * l,
                  wall_around = beside * (-0.5f * towards_t) * t * t,
                  wall_both = beside * (-0.5f * (towards_l + towards_t)) * l * t,

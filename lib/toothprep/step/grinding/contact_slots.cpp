@@ -14,6 +14,8 @@ namespace {
 
 // The lattice's values are those that slots make if none differs by more than this (voxels).
 constexpr float kExplained = 0.05f;
+// And a slot that makes all of a piece void has nowhere more void than the lattice by this.
+constexpr float kLessVoid = 0.01f;
 // What is farther from a slot's surface than this (voxels) says nothing of where it is, and nothing crosses a piece
 // whose middle is this much farther than its rim.
 constexpr float kFarOff = 2.5f, kBeyondRim = 1.5f;
@@ -22,9 +24,13 @@ constexpr float kFarOff = 2.5f, kBeyondRim = 1.5f;
 // much above. With fewer values of a cell than this it isn't known what slot is there.
 constexpr float kAbovePrint = 0.1f, kPartToPrint = 0.5f, kOtherThanPrint = 0.02f;
 constexpr int kLeastValues = 4;
+constexpr float kUnlimited = 1e3f;   // mm
 constexpr float kLeastSteep = 0.2f;  // squared, of a slot's field
 constexpr int kSteps = 3;            // of least squares
 constexpr float kDamped = 1e-5f, kLeastDamp = 1e-9f, kMostStep = 0.5f;  // of its matrix; mm
+
+// The bur is in its own slot again if the lattice, where it differs by less than this (voxels), puts it there.
+constexpr float kAsOwn = 0.1f;
 
 // Chips that thin (voxels) may be none: slots are known better than single walls.
 constexpr float kThinSlot = 0.005f;
@@ -54,6 +60,7 @@ struct ContactModel::Slots {
   Place along, around, bent_along, bent_around;  // of the pieces
   Float4 rise[3], along_motion[3];  // over a cell, mm: along the pieces' normal, and the motion
   Place side[3];                    // of a cell
+  Place from_tip;                   // of their middles, from the tip's voxel
   FourCells cells[kCells];
   Place first[kCells];     // corners, from the pieces' middles
   Float4 outside[kCells];  // of these from the pieces, along their normal, mm
@@ -76,6 +83,7 @@ struct ContactModel::Slots {
       rise[i] = x * cut.nx + y * cut.ny + z * cut.nz;
       along_motion[i] = cut.per_speed * (x * cut.ux + y * cut.uy + z * cut.uz);
     }
+    from_tip = far.x * side[0] + far.y * side[1] + far.z * side[2];
   }
 
   // At x, y (-1 .. 1) of the pieces.
@@ -144,6 +152,24 @@ struct ContactModel::Slots {
     for (int cell = 0; cell < kCellsInPiece; ++cell) good = explain(slots, cell, good);
     return good;
   }
+  // Of these pieces, those of which the first slot leaves nothing: what else there is takes more, and the lattice has
+  // nowhere less void than that slot makes.
+  Int4 leaves_nothing(Int4 good) const {
+    const Float4 least = all4(-kThinSlot * cut.voxel), most = all4(kLessVoid * cut.voxel);
+    for (int k = 0; k < kCellsInPiece && any(good); ++k) {
+      const Float4 x = all4(k == 4  ? 0.0f
+                            : k & 1 ? 1.0f
+                                    : -1.0f),
+                   y = all4(k == 4  ? 0.0f
+                            : k & 2 ? 1.0f
+                                    : -1.0f);
+      good &= sample(1, place(x, y)).value > least;
+    }
+    for (int cell = 0; cell < kCellsInPiece; ++cell)
+      for (int k = 0; k < kCorners && any(good); ++k)
+        good &= sample(1, corner(cell, k)).value - cells[cell].corner(k) < most;
+    return good;
+  }
   // Puts a slot where a cell's gradient says. Whether there may be one along the motion.
   Int4 begin(int number, int cell, const Int4& where) {
     const Float4 half = all4(0.5f);
@@ -164,8 +190,8 @@ struct ContactModel::Slots {
     return where & (values >= kLeastValues) & (kAlong * magnitude(sum(along_motion)) < 1) &
            (steep > kLeastSteep) & (magnitude(s.value) < kFarOff * cut.voxel);
   }
-  // One step of least squares, by the cells that count.
-  void improve(int number, const Int4 (&counts)[kCells]) {
+  // One step of least squares, by the cells that count and of these the values that are no farther off than `most` (mm).
+  void improve(int number, const Int4 (&counts)[kCells], const Float4& most_off) {
     Float4 ll{}, lh{}, hh{};
     Place error{};
     for (int cell = 0; cell < kCells; ++cell) {
@@ -173,7 +199,9 @@ struct ContactModel::Slots {
       for (int k = 0; k < kCorners; ++k) {
         const SweptSlot::Sample s = slot.at(corner(cell, k) - origin[number]);
         const Float4 has = cells[cell].corner(k);
-        const Int4 use = counts[cell] & ~is_print(cell, k) & (magnitude(has) < kFarOff * cut.voxel);
+        const Int4 use = counts[cell] & ~is_print(cell, k) &
+                         (magnitude(has) < kFarOff * cut.voxel) &
+                         (magnitude(has - s.value) < most_off);
         const Place g{use ? s.gradient.l : Float4{}, use ? s.gradient.h : Float4{}};
         ll += g.l * g.l, lh += g.l * g.h, hh += g.h * g.h;
         error = error + (has - s.value) * g;
@@ -185,12 +213,33 @@ struct ContactModel::Slots {
     origin[number] = origin[number] + Place{within(per * (lh * error.h - hh * error.l), most),
                                             within(per * (lh * error.l - ll * error.h), most)};
   }
+  // Puts the first slot where the bur is, as nearly as the lattice says so. Of the pieces `where`, those of which it leaves
+  // nothing.
+  Int4 are_in_own_slot(const Int4& where) {
+    const IndexFrame& f = scan.frame;
+    const Place own = slot.edge().across(Float4{}, Float4{}, all4(slot.edge().height())) +
+                      (all4(f.fx) * side[0] + all4(f.fy) * side[1] + all4(f.fz) * side[2]) -
+                      from_tip;
+    Int4 counts[kCells] = {};
+    for (int cell = 0; cell < kCellsInPiece; ++cell) counts[cell] = where;
+    origin[0] = own;
+    for (int i = 0; i < kSteps; ++i) improve(0, counts, all4(kAsOwn * cut.voxel));
+    return leaves_nothing(where);
+  }
+  // Puts the slots of piece p where those of others are to be.
+  void take_over(int p, const Int4& where) {
+    for (Place& of : origin) {
+      const Float4 l = all4(of.l[p] + from_tip.l[p]) - from_tip.l,
+                   h = all4(of.h[p] + from_tip.h[p]) - from_tip.h;
+      of = {where ? l : of.l, where ? h : of.h};
+    }
+  }
   // The slot that a cell tells of, where there is one; with those before it makes the cell's values.
   Int4 find(int number, int cell, const Int4& where) {
     Int4 counts[kCells] = {};
     counts[cell] = begin(number, cell, where);
     if (!any(counts[cell])) return counts[cell];
-    for (int i = 0; i < kSteps; ++i) improve(number, counts);
+    for (int i = 0; i < kSteps; ++i) improve(number, counts, all4(kUnlimited));
     return explain(number + 1, cell, counts[cell]);
   }
 };
@@ -272,6 +321,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   for (int cell = 0; cell < kCellsInPiece; ++cell) others |= slots.is_other(cell);
   left &= others;
   if (!any(left)) return found(Int4{});
+  const Int4 near = left;
   bool has_all = false;
   const auto read_all = [&] {
     if (!has_all)
@@ -279,7 +329,8 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
                 1 + kBeyondCorner * cut.voxel / cut.half_around);
     has_all = true;
   };
-  Int4 one{}, two{}, tried{};  // with another first slot: twice is enough
+  Int4 one = slots.are_in_own_slot(left), two{}, tried{};
+  left &= ~one;  // with another first slot: twice is enough
   for (int cell = 0; cell < kCells && any(left); ++cell) {
     if (cell == kCellsInPiece) read_all();
     const Int4 first = slots.find(0, cell, left);
@@ -287,8 +338,9 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     Int4 counts[kCells] = {}, alone = first;
     for (int c = 0; c < kCellsInPiece; ++c)
       counts[c] = c == cell ? first : slots.explain(1, c, first), alone &= counts[c];
-    slots.improve(0, counts);
+    slots.improve(0, counts, all4(kUnlimited));
     alone |= slots.explain(1, first & ~alone);
+    alone |= slots.leaves_nothing(first & ~alone);
     one |= alone, left &= ~alone;
     Int4 open = first & left;
     if (any(open)) read_all();
@@ -299,6 +351,15 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     }
     left &= ~(first & tried);
     tried |= first;
+  }
+  // What one piece can't tell another may.
+  for (int p = 0; p < kPieces; ++p) {
+    Int4 open = near & ~(one | two);
+    if (!(one | two)[p] || !any(open)) continue;
+    const bool has_two = two[p];
+    slots.take_over(p, open);
+    one |= slots.explain(1, open), one |= slots.leaves_nothing(open & ~one);
+    if (has_two) two |= slots.explain(2, open & ~one);
   }
   if (any(one | two)) cover_by(slots, one, two, s);
   return found(one | two);

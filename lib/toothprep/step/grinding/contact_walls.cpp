@@ -26,7 +26,7 @@ constexpr float kAside[] = {1.5f, 2.25f, 3}, kApart = 0.05f;
 // The lattice flattens a ridge by less than this (voxels).
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
-constexpr float kTaken = 0.015f;
+constexpr float kTaken = 0.01f;
 
 // Of a field, how much it changes over 1 mm across a border on the surface, squared.
 Float4 square_of(float half_along, const Float4& half_around, const Float4& along,

@@ -11,6 +11,72 @@
 
 namespace toothprep {
 
+// What an arc of the bur's profile leaves that is swept straight along a unit vector u. Its circle, seen along u, is an
+// ellipse, and the arc goes about each point of that in a circle: so in the direction of a unit normal n across the
+// motion, with n_a the part of n along the bur's axis, the wall reaches out to radius + centre sqrt(1 - n_a²), but for a
+// shift. A place in the void is as deep as it is from the nearest of the tangents of these normals.
+struct SweptArc {
+  Float4 centre, radius;  // mm, from the axis; of the arc
+
+  // Where a place is known: the field's value (mm, positive in the void), and the parts along the axis of its normal
+  // (outwards of the bur), of the unit vector square to that and to u, and of u.
+  struct Known {
+    Float4 value, normal, aside, motion;
+  };
+  // Curvature (1/mm) of the field there.
+  Float4 curvature(const Known& k) const {
+    return 1 / greatest(radius - k.value + stretched(square_at(k.normal), k), all4(kLeastRadius));
+  }
+
+  // The field beside it; its normal is turned by the angle of this cosine and sine towards `aside`.
+  struct Tangent {
+    Float4 value, cosine, sine;
+  };
+  // `out`: mm along the normal, `beside`: along `aside`.
+  Tangent at(const Known& k, const Float4& out, const Float4& beside) const {
+    const Float4 square = square_at(k.normal), reach = square_root(square), from = radius - k.value,
+                 // From the ellipse's middle.
+        far_out = from + centre * reach + out,
+                 far_beside = beside - centre * k.normal * k.aside / reach;
+    // First as if the wall were a circle, then by Newton's method.
+    Tangent t{};
+    const Float4 down = greatest(from + out + stretched(square, k), all4(kLeastRadius)),
+                 per = 1 / square_root(down * down + beside * beside);
+    t.cosine = per * down, t.sine = per * beside;
+    const bool is_circle = !any(centre != 0);
+    Float4 there = reach;
+    for (int i = 0; i < (is_circle ? 0 : kSteps); ++i) {
+      const Float4 normal = t.cosine * k.normal + t.sine * k.aside,
+                   turns = t.cosine * k.aside - t.sine * k.normal, at = square_at(normal);
+      const Float4 slope = far_out * t.sine - far_beside * t.cosine -
+                           centre * normal * turns / square_root(at),
+                   bends = greatest(from + out + stretched(at, k), all4(kLeastRadius)),
+                   turn = greatest(least(-slope / bends, all4(kMostTurn)), all4(-kMostTurn)),
+                   length = 1 / square_root(1 + turn * turn),
+                   cosine = length * (t.cosine - turn * t.sine);
+      t.sine = length * (t.sine + turn * t.cosine), t.cosine = cosine;
+    }
+    if (!is_circle) there = square_root(square_at(t.cosine * k.normal + t.sine * k.aside));
+    t.value = k.value + from * t.sine * t.sine / (1 + t.cosine) +
+              centre * (there - reach * t.cosine) - out * t.cosine - far_beside * t.sine;
+    return t;
+  }
+
+ private:
+  static constexpr int kSteps = 3;
+  static constexpr float kMostTurn = 0.5f;      // a step, rad
+  static constexpr float kLeastSquare = 1e-4f;  // keep divisions defined
+  static constexpr float kLeastRadius = 0.01f;  // mm
+
+  static Float4 square_at(const Float4& normal) {
+    return greatest(1 - normal * normal, all4(kLeastSquare));
+  }
+  // The ellipse's radius of curvature, by the square of what it reaches out by there (of the circle's radius).
+  Float4 stretched(const Float4& square, const Known& k) const {
+    return centre * k.motion * k.motion / (square * square_root(square));
+  }
+};
+
 class WallCurvature {
  public:
   // `outline` from the tip on.
@@ -37,24 +103,19 @@ class WallCurvature {
   // Whether walls of these outward normals (of the bur; their part along its axis) were left by that part of it.
   Int4 know(const Float4& normal) const { return normal < up_to_; }
 
-  // Curvature (1/mm) of their field where it has a value (mm). `along_axis`: the motion's direction's part there. An
-  // arc goes about in a circle; of that a wall shows the ellipse that it is across the motion.
-  Float4 curvature(const Float4& normal, const Float4& value, const Float4& along_axis) const {
-    Float4 found{};
-    const Float4 square = greatest(1 - normal * normal, all4(kLeastSquare)),
-                 ellipse = along_axis * along_axis / (square * square_root(square));
+  // The arc that left a wall of this normal.
+  SweptArc arc(const Float4& normal) const {
+    SweptArc found{};
     for (const Arc& arc : arcs_) {
-      const Float4 radius = arc.radius + arc.centre * ellipse - value;
       const Int4 here = (normal >= arc.from - kNoise) & (normal < arc.to);
-      found = here ? 1 / greatest(radius, all4(kLeastRadius)) : found;
+      found.centre = here ? all4(arc.centre) : found.centre;
+      found.radius = here ? all4(arc.radius) : found.radius;
     }
     return found;
   }
 
  private:
-  static constexpr float kNoise = 0.02f;        // of normals
-  static constexpr float kLeastSquare = 1e-4f;  // keep divisions defined
-  static constexpr float kLeastRadius = 0.01f;  // mm
+  static constexpr float kNoise = 0.02f;  // of normals
 
   struct Arc {
     float from, to;        // normals, their part along the axis
