@@ -170,10 +170,11 @@ class ContactModel {
                             const Int4& wanted, Lanes& lanes) noexcept;
   static Int4 is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
                         const Probe& other) noexcept;
-  static Wall look_at_wall(const Scan& scan, const CutOfPieces& cut, const Float4& x,
-                           const Float4& y, const Place& far, const Int4& wanted) noexcept;
-  static void cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
-                           const Place& far, const Int4& wanted, Lanes& lanes) noexcept;
+  static Wall look_at_wall(const Scan& scan, const CutOfPieces& cut, const Displaced& at,
+                           const Place& far, const Int4& wanted) noexcept;
+  static void cover_ridges(const Scan& scan, const CutOfPieces& cut, const FourSamples& there,
+                           const Borders& border, const Place& far, const Int4& wanted,
+                           Lanes& lanes) noexcept;
   static Int4 is_deeper(const Scan& scan, const CutOfPieces& cut, const Place& far,
                         const Place& beside, const Wall (&walls)[2], const Int4& wanted) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,

@@ -101,6 +101,14 @@ struct ContactModel::CutOfPieces {
             a.along_y * x + a.around_y * wide + a.bent_along_y * xx + a.bent_around_y * yy,
             a.along_z * x + a.bent_along_z * xx};
   }
+  // To places on the surface, x along the profile and y around the axis (mm).
+  Displaced on_surface(const Float4& x, const Float4& y) const {
+    const Float4 by_along = x / half_along, by_around = y / half_around,
+                 down = -0.5f * (curvature_along * x * x + curvature_around * y * y);
+    return {axes.along_x * by_along + axes.around_x * by_around + down * nx,
+            axes.along_y * by_along + axes.around_y * by_around + down * ny,
+            axes.along_z * by_along + down * nz};
+  }
   // Of a field with gradient g (B, per mm), its change along the motion.
   Float4 rise(const FourSamples& g) const {
     return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);
@@ -218,7 +226,8 @@ struct ContactModel::CutOfPieces {
     // What the bur is fed against is its own print, as curved as it is.
     const Float4 beside = least(w.x * w.x + w.y * w.y + w.z * w.z, all4(1));
     Float4 towards_l = all4(curvature_along), towards_t = curvature_around;
-    if (const Int4 known = knows(g); any(known)) {
+    // Straight sides lie where the arc ends: their walls are half of each.
+    if (const Int4 known = may_be_ridges ? knows(g) : Int4{}; any(known)) {
       const Float4 curvature = curvature_of(g, w);
       towards_l = known ? curvature : towards_l, towards_t = known ? curvature : towards_t;
     }

@@ -22,7 +22,9 @@ constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
 constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
 // The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, then farther if there
 // isn't one wall yet, and they meet in one if each lies that far (voxels) within the other.
-constexpr float kAside[] = {1.5f, 2.25f, 3}, kApart = 0.05f;
+constexpr float kAside[] = {1.5f, 2.25f, 3, 3.75f}, kApart = 0.05f;
+// Where its curvature is known, a wall tells what is found farther along it, to so many voxels.
+constexpr float kAgrees = 0.015f;
 // The lattice flattens a ridge by less than this (voxels).
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
@@ -82,23 +84,17 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
 }
 
-// The cut far ahead, at places x along the profile and y around the axis (mm) from the middles `far` of four pieces.
+// The cut far ahead, at places `at` beside the middles `far` of four pieces.
 ContactModel::Wall ContactModel::look_at_wall(const Scan& scan, const CutOfPieces& cut,
-                                              const Float4& x, const Float4& y, const Place& far,
+                                              const Displaced& at, const Place& far,
                                               const Int4& wanted) noexcept {
-  const PieceAxes& axes = cut.axes;
-  const Float4 by_along = x / cut.half_along, by_around = y / cut.half_around,
-               bend = -0.5f * (cut.curvature_along * x * x + cut.curvature_around * y * y);
-  Wall wall;
-  wall.x = axes.along_x * by_along + axes.around_x * by_around + bend * cut.nx;
-  wall.y = axes.along_y * by_along + axes.around_y * by_around + bend * cut.ny;
-  wall.z = axes.along_z * by_along + bend * cut.nz;
   const IndexFrame& f = scan.frame;
-  const FourPlaces at = far.beside(f, wall.x, wall.y, wall.z);
+  const FourPlaces places = far.beside(f, at.x, at.y, at.z);
   FourCells cells;
-  cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
-  wall.sample = cut.wall_at(f, at, f.gradients(cells.at(at.fx, at.fy, at.fz)));
-  return wall;
+  cells.read(scan.workpiece.cut(), places.x + f.base.x(), places.y + f.base.y(),
+             places.z + f.base.z(), wanted);
+  return {cut.wall_at(f, places, f.gradients(cells.at(places.fx, places.fy, places.fz))), at.x,
+          at.y, at.z};
 }
 
 // Where the sample farther ahead finds a wall along the motion that crosses a piece, it divides the piece, whatever
@@ -122,11 +118,10 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
     const Float4 per_square = -border.value / greatest(square_of(cut.half_along, cut.half_around,
                                                                  border.along, border.around),
                                                        all4(kLeastExtent));
-    const Wall found = look_at_wall(
-        scan, cut,
+    const Displaced on_border = cut.on_surface(
         within(per_square * border.along / cut.half_along, all4(kWithinPiece * cut.half_along)),
-        within(per_square * border.around / cut.half_around, kWithinPiece * cut.half_around), far,
-        crossed);
+        within(per_square * border.around / cut.half_around, kWithinPiece * cut.half_around));
+    const Wall found = look_at_wall(scan, cut, on_border, far, crossed);
     border.replace(crossed, cut.borders(found));
     const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
     border.replace(found_little, cut.without_thin(border));
@@ -140,7 +135,8 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
     s.cover(counts, part);
     may_be_ridge |= counts;
   }
-  if (cut.may_be_ridges && any(may_be_ridge)) cover_ridges(scan, cut, border, far, may_be_ridge, s);
+  if (cut.may_be_ridges && any(may_be_ridge))
+    cover_ridges(scan, cut, there, border, far, may_be_ridge, s);
 }
 
 // Whether the cut is deeper around places beside the middles `far` (mm, B) than two walls alone would be.
@@ -170,27 +166,42 @@ Int4 ContactModel::is_deeper(const Scan& scan, const CutOfPieces& cut, const Pla
 }
 
 // Two earlier cuts leave a ridge between them. The lattice rounds it, and one border doesn't divide a piece in which
-// it lies: both walls are looked at beside it.
-void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const Borders& border,
-                                const Place& far, const Int4& wanted, Lanes& s) noexcept {
-  // Along the border, from where it passes the middle.
-  const Float4 square = greatest(
-      square_of(cut.half_along, cut.half_around, border.along, border.around), all4(kLeastExtent));
-  const Float4 by_along = border.along / cut.half_along,
-               by_around = border.around / cut.half_around;
-  const Float4 to_border = -border.value / square, aside = cut.voxel / square_root(square);
-  const Float4 x = within(to_border * by_along, all4(cut.half_along)),
-               y = within(to_border * by_around, cut.half_around);
-  const Float4 dx = -aside * by_around, dy = aside * by_along;
+// it lies: both walls are looked at beside it, across the motion. `there`: the cut in the pieces' middles.
+void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const FourSamples& there,
+                                const Borders& border, const Place& far, const Int4& wanted,
+                                Lanes& s) noexcept {
+  // From where the border passes the middle.
+  const Float4 to_border = -border.value / greatest(square_of(cut.half_along, cut.half_around,
+                                                              border.along, border.around),
+                                                    all4(kLeastExtent));
+  const Displaced from =
+      cut.on_surface(within(to_border * border.along / cut.half_along, all4(cut.half_along)),
+                     within(to_border * border.around / cut.half_around, cut.half_around));
+  const CutOfPieces::Across across = cut.across(there);
+  const Float4 aside =
+      cut.voxel /
+      square_root(greatest(across.x * across.x + across.y * across.y + across.z * across.z,
+                           all4(kLeastExtent)));
+  // The walls of which more than one look tells.
+  Int4 ridge = wanted;
   const auto look_beside = [&](float side) {
     Wall wall{};
-    Int4 looked = wanted;
+    Int4 looked = wanted, found{};
     for (const float voxels : kAside) {
-      const float way = side * voxels;
-      wall.replace(looked, look_at_wall(scan, cut, x + way * dx, y + way * dy, far, looked));
-      looked &= ~cut.is_one_wall(wall.sample);
+      const Float4 way = side * voxels * aside;
+      const Displaced at{from.x + way * across.x, from.y + way * across.y, from.z + way * across.z};
+      const Wall farther = look_at_wall(scan, cut, at, far, looked);
+      if (voxels > kAside[0]) {
+        const Int4 agrees =
+            ~cut.knows(wall.sample) | ~cut.is_one_wall(farther.sample) |
+            (magnitude(cut.at_most(wall, farther) - farther.sample.value) < kAgrees * cut.voxel);
+        found |= looked & cut.is_one_wall(wall.sample) & agrees;
+      }
+      looked &= ~found;
       if (!any(looked)) break;
+      wall.replace(looked, farther);
     }
+    ridge &= found;
     return wall;
   };
   const Wall sides[2] = {look_beside(1), look_beside(-1)};
@@ -198,8 +209,7 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
   const Float4 one = cut.at_most(sides[0], sides[1]) - sides[1].sample.value,
                other = cut.at_most(sides[1], sides[0]) - sides[0].sample.value,
                apart = all4(-kApart * cut.voxel);
-  Int4 ridge = wanted & (one < apart) & (other < apart) & cut.is_one_wall(sides[0].sample) &
-               cut.is_one_wall(sides[1].sample);
+  ridge &= (one < apart) & (other < apart);
   // Unless it was taken since.
   const Int4 known = ridge & cut.knows(sides[0].sample) & cut.knows(sides[1].sample);
   if (any(known)) {
