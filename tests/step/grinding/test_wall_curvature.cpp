@@ -12,13 +12,12 @@ namespace toothprep::testing {
 namespace {
 
 // How far (mm) the head reaches in a direction with this part along its axis.
-double reach_of(const std::vector<ProfilePiece>& outline, double along_axis) {
-  constexpr int kPoints = 20000;
+double reach_of(const std::vector<ProfilePiece>& outline, double along_axis, int points = 20000) {
   const double across = std::sqrt(std::max(0.0, 1 - along_axis * along_axis));
   double most = -1e9;
   for (const ProfilePiece& piece : outline)
-    for (int i = 0; i <= kPoints; ++i) {
-      const ProfilePoint at = point_on(piece, static_cast<double>(i) / kPoints);
+    for (int i = 0; i <= points; ++i) {
+      const ProfilePoint at = point_on(piece, static_cast<double>(i) / points);
       most = std::max(most, at.r * across + at.z * along_axis);
     }
   return most;
@@ -61,8 +60,8 @@ TEST(WallCurvature, TellsTheFieldBesideAPlaceWhoseNormalIsKnown) {
     const WallCurvature walls(bur.profile());
     for (const double lean : {0.05, 0.15, -0.4})
       for (const double angle : {-1.2, -1.0, -0.6}) {
-        const auto reach = [&](double at) {
-          return reach_of(bur.profile(), std::sin(at) * std::cos(lean));
+        const auto reach = [&](double at, int points = 20000) {
+          return reach_of(bur.profile(), std::sin(at) * std::cos(lean), points);
         };
         // In the plane across the motion, by this angle's direction and that square to it.
         constexpr double kStep = 1e-3, kDepth = 0.02;
@@ -72,7 +71,7 @@ TEST(WallCurvature, TellsTheFieldBesideAPlaceWhoseNormalIsKnown) {
           constexpr double kOut = 0.015;
           double least = 1e9, turned = 0;
           for (double turn = -kPi / 3; turn < kPi / 3; turn += 2e-3) {
-            const double depth = reach(angle + turn) - (out + kOut) * std::cos(turn) -
+            const double depth = reach(angle + turn, 1000) - (out + kOut) * std::cos(turn) -
                                  (aside + way) * std::sin(turn);
             if (depth < least) least = depth, turned = turn;
           }

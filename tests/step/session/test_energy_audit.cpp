@@ -49,6 +49,31 @@ TEST_P(EnergyAudit, CurvedSlot) {
   expect_audit("curved", bur_, straight_path(arc, 1.0), tooth_);
 }
 
+// A hand trembles at 8 to 12 Hz: between two cuts of the lattice the bur goes back and forth over what it has ground. At
+// the ends of its swings it is met in steps of up to 2 um.
+TEST(TremblingHand, GrindsTheSameTissueOnce) {
+  constexpr double kAmplitude = 0.03, kFrequency = 9.3, kFeed = 0.5;  // mm, Hz, mm/s
+  for (const char* name : {"ball:D1.2", "cylinder:D1.2xL4.0xR0.3", "cylinder:D1.2xL3.0"})
+    for (const double voxel : {0.1, 0.05})
+      for (int along = 0; along < 3; ++along) {
+        const Pose frame{Vec3::Zero(), Quat(Eigen::AngleAxisd(0.1, Vec3::UnitX()))};
+        std::vector<HandleSample> path;
+        for (int i = 0; i <= 7000; ++i) {
+          const double t = 1e-3 * i;
+          Vec3 at(0.5, -3.2 + kFeed * t, 0.7);
+          at[along] += kAmplitude * std::sin(2 * units::kPi * kFrequency * t);
+          path.push_back({t, {at, frame.orientation}, kPedalButton});
+        }
+        const Outcome r = run(block(voxel, 1.5, Vec3(3, 4, 3)), make_bur(name, ""),
+                              paper_without_stall(), Drive::kDirect, path);
+        const double ratio = r.energy_ratio(paper_without_stall());
+        std::printf("energy audit of a trembling hand, %s, %.2f mm, along %c: %.4f\n", name, voxel,
+                    "xyz"[along], ratio);
+        EXPECT_NEAR(ratio, 1, 0.05) << name << ", " << voxel << ", "
+                                    << "xyz"[along];
+      }
+}
+
 TEST_P(EnergyAudit, SlotPassedAgainAndWidened) {
   // Down, back up in the void, down again 0.3 mm beside: the walls of the old slot must not grind.
   expect_audit("re-passed", bur_,

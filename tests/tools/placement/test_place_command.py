@@ -131,6 +131,17 @@ class Prepare(CommandTest):
         self.assertLess(score["gingival_floor_tilt_deg"], 3)
         self.assertTrue(score["passed"])
 
+    def test_in_the_scan_of_a_real_tooth_the_torques_work_is_the_energy_of_what_is_removed(self):
+        scan = Path(__file__).resolve().parents[3] / "data/examples/teeth/ct-tooth.nrrd"
+        self.run_ok("voxelize", str(scan), "--voxel-mm", "0.1", "-o", "real.vdb")
+        self.run_ok("orient", "real.vdb", "--mesial", "1", "0", "0", "--tooth-number", "46", "-o", "placed.vdb")
+        for bur, drive in (("cylinder:D1.2xL4.0xR0.3", "direct"), ("cylinder:D1.2xL4.0xR0.3", "coupled"), ("ball:D1.2", "direct")):
+            self.run_ok("prepare", "--type", "class1", "--tooth", "placed.vdb", "--bur", bur, "-o", "real.toml", "--force")
+            run = json.loads(self.run_ok("replay", "--tooth", "placed.vdb", "--bur", bur, "--trajectory", "real.toml", "--drive",
+                                         drive, "-o", "real.h5", "--json", "--force").stdout)
+            self.assertGreater(run["removed_mm3"]["enamel"], 6)
+            self.assertAlmostEqual(run["energy_ratio"], 1, delta=0.005, msg=f"{bur} {drive}")
+
     def test_what_would_open_the_pulp_is_refused_with_the_place(self):
         done = self.run_tool("prepare", "--type", "class1", "--tooth", "molar.vdb", *BUR, "--depth-mm", "4.5", "-o", "deep.toml")
         self.assertEqual(done.returncode, 1)

@@ -28,6 +28,8 @@ constexpr double kBendsOver = 0.1, kStraight = 0.005, kFarthest = 0.5;
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
+// Poses at which the bur has been as well, at most.
+constexpr std::size_t kMostBeen = 16;
 
 // How far the element's rim lies behind its tangent plane, mm.
 float sag_of(const SurfaceElements& e, std::size_t i) {
@@ -42,6 +44,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
     : elements_(bur.elements(kPiecesAcross * piece_size, clockwise)),
       contact_(kPieces * kTissueCount * elements_.size(), tissue, false),
       walls_(bur.profile()),
+      bur_(bur),
       look_ahead_(kLookAhead * kPiecesAcross * piece_size),
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {
@@ -57,6 +60,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   near_.resize(n), far_.resize(n);
   fields_.resize(n), tissues_.resize(n);
   settled_.assign(n, -1);
+  been_.reserve(kMostBeen);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);
   first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
@@ -170,7 +174,12 @@ void ContactModel::add_piece(std::size_t i, double around, double along, int acr
 }
 
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
-                          const Vec3& omega, double reach, std::uint64_t cuts) noexcept {
+                          const Vec3& omega, double reach, std::uint64_t cuts,
+                          std::span<const Pose> been) noexcept {
+  been_.clear();
+  for (const Pose& p : been.first(std::min(been.size(), been_.capacity())))
+    been_.push_back({(p.orientation.conjugate() * pose.orientation).toRotationMatrix(),
+                     p.to_local(pose.position)});
   const IndexFrame f(workpiece.lattice(), pose);
   Scan scan{workpiece,
             f,
@@ -193,6 +202,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   contact_.clear();
   const int others = add_advancing(scan, candidates);
   for (int c = 0; c < others; ++c) settle(scan, candidates_[c]);
+  if (!been_.empty()) held_ = 0;
 }
 
 // The way since the last sample, mm; what is looked for ahead lies elsewhere where the motion turns.
@@ -204,8 +214,9 @@ double ContactModel::way_since(const Scan& scan, const Pose& pose) const noexcep
 
 // Whether the last sample still stands.
 bool ContactModel::holds(const Scan& scan, double way) const noexcept {
-  return sampled_ && !scan.turns && !sampled_turning_ && scan.cuts == sampled_cuts_ &&
-         (scan.direction - sampled_direction_).norm() <= kSteady && way < held_;
+  return sampled_ && been_.empty() && !scan.turns && !sampled_turning_ &&
+         scan.cuts == sampled_cuts_ && (scan.direction - sampled_direction_).norm() <= kSteady &&
+         way < held_;
 }
 
 // Takes the way since the last sample off what was found there.
@@ -329,7 +340,7 @@ int ContactModel::choose(const Scan& scan) noexcept {
 // Of the candidates, adds those that are engaged as a whole and advance with every velocity that
 // covers() allows; the others are left. Where the handle turns add_whole() tells.
 int ContactModel::add_advancing(const Scan& scan, int candidates) noexcept {
-  if (scan.turns || !contact_.is_linear()) return candidates;
+  if (scan.turns || !been_.empty() || !contact_.is_linear()) return candidates;
   const float margin = kMarginSine * scan.speed;
   const float *advance = advance_.data(), *range = range_.data();
   const Found* found = found_.data();
@@ -366,7 +377,7 @@ void ContactModel::settle(const Scan& scan, int i) noexcept {
     const float speed = scan.turns ? scan.velocity_at(e.x[i], e.y[i], e.z[i]).norm() : scan.speed;
     return advance_[i] + range_[i] <= kRounding * speed;
   };
-  if (s.only != 0 && s.inside_tooth && ((whole && inside) || none()))
+  if (been_.empty() && s.only != 0 && s.inside_tooth && ((whole && inside) || none()))
     add_whole(scan, i, s.only - 1, inside ? 1 : s.share);
   else
     divide(scan, i);

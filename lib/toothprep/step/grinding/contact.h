@@ -31,6 +31,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
@@ -49,16 +50,17 @@ constexpr int kPiecesAcross = 2;
 
 class ContactModel {
  public:
-  // Pieces of at most `piece_size` mm; u and alpha per tissue (validated by the caller).
+  // Keeps a reference to the bur. Pieces of at most `piece_size` mm; u and alpha per tissue (validated by the caller).
   ContactModel(const Bur& bur, double piece_size, bool clockwise,
                const PerTissue<GrindingProperties>& tissue);
 
   // Finds the elements in contact for a bur at `pose` that moves with trial velocity v (mm/s, B,
   // not zero unless omega turns it) and turns with omega (rad/s, B). `reach` in mm. Elements that
   // face away from the motion by more than a margin of 3° are left out; see covers(). `cuts`: any
-  // number that changes when the cut does. Allocates nothing.
+  // number that changes when the cut does. What a bur at one of the `been` poses takes up is void,
+  // whether or not the lattice has it. Allocates nothing.
   void sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v, const Vec3& omega,
-              double reach, std::uint64_t cuts = 0) noexcept;
+              double reach, std::uint64_t cuts = 0, std::span<const Pose> been = {}) noexcept;
 
   // Whether every element that advances with v was considered by the last sample(), as far as the
   // velocity goes (omega is the handle's and doesn't change within a step).
@@ -152,6 +154,8 @@ class ContactModel {
   void locate(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void cover(const Scan& scan, const PieceAxes& axes, const Pieces& pieces, int first,
              KeptCells& farther, Lanes& lanes) const noexcept;
+  static Int4 correct_where_it_meets(const Scan& scan, const CutOfPieces& cut, const Lanes& lanes,
+                                     FourSamples& here) noexcept;
   static Float4 cover_here(const Scan& scan, const CutOfPieces& cut, Lanes& lanes) noexcept;
   void cover_ahead(const Scan& scan, const CutOfPieces& cut, const Float4& surface,
                    KeptCells& farther, Lanes& lanes) const noexcept;
@@ -181,6 +185,7 @@ class ContactModel {
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void leave_out_where_it_was(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void cover_tooth(const Scan& scan, int i, const PieceAxes& axes, Lanes& lanes) noexcept;
   static void cover_both(const Int4& where, const CoveredPart<Float4>& by_cut,
                          Lanes& lanes) noexcept;
@@ -197,6 +202,7 @@ class ContactModel {
   std::vector<float> mx_, my_, mz_, turn_around_, turn_along_;
   std::vector<float> edge_;  // which way along the profile a sharp edge lies at it: 1, -1, or 0
   WallCurvature walls_;
+  const Bur& bur_;
   std::optional<SweptSlot> slot_;  // of a flat end
   bool leaves_slots_ = false;      // as the bur moves now
   bool has_edges_ = false;
@@ -230,6 +236,13 @@ class ContactModel {
   std::vector<std::int32_t> worth_, candidates_, to_look_;
   double look_ahead_, most_held_;  // mm
   double arm_;                     // mm, longest from the tip to a point of the head
+
+  // Where the bur has been as well: from B now to B there.
+  struct Been {
+    Mat3 turn;
+    Vec3 way;
+  };
+  std::vector<Been> been_;  // capacity reserved once
 
   Pose sampled_pose_;
   Vec3 sampled_direction_ = Vec3::Zero();

@@ -33,6 +33,11 @@ constexpr float kUnbounded = 1e3f;  // mm of way
 constexpr float kClearOfPrint = 2, kStandsAlone = 0.9f;
 // Of a piece that less than this is covered of, what lies beside a ridge is noise.
 constexpr float kLeastBesideRidge = 0.05f;
+// What lies ahead is met head-on if it rises by more than this along the motion (sine). How it is curved is read from
+// second differences of the lattice, unless these say that walls meet there: beyond so much of D² times the larger of
+// the bur's curvatures there, or to the other side by more than that.
+constexpr float kMeets = 0.15f, kMostCurved = 2.5f, kOtherSide = 0.3f;
+constexpr double kInside = 1e-5;  // mm; of the bur somewhere else
 // Of places spread evenly, over half of their range squared.
 constexpr float kVariance = 1.0f / 3;
 
@@ -78,6 +83,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
+  if (!been_.empty()) leave_out_where_it_was(pieces, first, lanes);
   add_covered(pieces, first, lanes);
 }
 
@@ -184,13 +190,14 @@ void ContactModel::cover(const Scan& scan, const PieceAxes& axes, const Pieces& 
 // As it is at the surface: a wall that was ground before counts no earlier than it is reached. Returns the cut's
 // value in the middle of the pieces, mm.
 Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes& s) noexcept {
-  const FourSamples here = scan.frame.gradients(s.cells->cells.at(s.fx, s.fy, s.fz));
+  FourSamples here = scan.frame.gradients(s.cells->cells.at(s.fx, s.fy, s.fz));
+  const Int4 meets = correct_where_it_meets(scan, cut, s, here);
   const Float4 surface = cut.at_surface(here, scan.reach);
   const Float4 along = cut.axes.along(here), around = cut.axes.around(here);
   s.note_crossing(s.live, surface, along, around, cut.rise(here));
   s.cut = cut.borders(surface, here, Float4{}, Float4{});
   const Int4 crossed =
-      s.live & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
+      s.live & ~meets & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
   if (cut.may_be_ridges && any(crossed)) {
     const AtBorder at = look_at_border(scan, cut, s.cut, {s.ix, s.iy, s.iz}, crossed);
     s.cut.replace(crossed,
@@ -200,6 +207,57 @@ Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes&
   s.share = s.live ? s.share : Float4{};
   s.live = s.share > kLeastShare;
   return surface;
+}
+
+// Interpolated, what a bur left lies in front of its place, by half of the second differences times f (1 - f) along each
+// axis of the lattice, and has the gradient of the cell's middle. A bur that comes back to it head-on would meet it that
+// much too early. Corrects the samples `here` at the surface of the pieces that are about to, and returns these.
+Int4 ContactModel::correct_where_it_meets(const Scan& scan, const CutOfPieces& cut, const Lanes& s,
+                                          FourSamples& here) noexcept {
+  const float square = cut.voxel * cut.voxel, along = magnitude(cut.curvature_along);
+  const Float4 around = magnitude(cut.curvature_around), most = 0.125f * square * (along + around),
+               larger = square * greatest(all4(along), around);
+  const Float4 value = here.value - kTakenBack * scan.reach * cut.rise(here);
+  Int4 meets = s.live & (cut.rise(here) < -kMeets) & (magnitude(value) < most);
+  if (!any(meets)) return meets;
+  const FourPlaces at(s.ix, s.iy, s.iz);
+  const Float4 f[3] = {s.fx, s.fy, s.fz};
+  const Int4 cell[3] = {at.x + scan.frame.base.x(), at.y + scan.frame.base.y(),
+                        at.z + scan.frame.base.z()};
+  const FourCells& cells = s.cells->cells;
+  Float4 early{}, bends[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    FourCells before, after;
+    const auto beside = [&](int way, FourCells& to) {
+      Int4 place[3] = {cell[0], cell[1], cell[2]};
+      place[axis] += way;
+      to.read(scan.workpiece.cut(), place[0], place[1], place[2], meets);
+    };
+    beside(-1, before), beside(1, after);
+    const int bit = 4 >> axis, next = (axis + 1) % 3, last = (axis + 2) % 3;
+    bends[axis] = Float4{};
+    for (int k = 0; k < 8; ++k) {
+      if (k & bit) continue;
+      const Float4 low = cells.corner(k), high = cells.corner(k | bit),
+                   at_low = before.corner(k) - 2 * low + high,
+                   at_high = low - 2 * high + after.corner(k | bit);
+      meets &= (least(at_low, at_high) > -kMostCurved * larger) &
+               (greatest(at_low, at_high) < kOtherSide * larger);
+      const Float4 by_next = k & (4 >> next) ? f[next] : 1 - f[next],
+                   by_last = k & (4 >> last) ? f[last] : 1 - f[last];
+      bends[axis] += by_next * by_last * (at_low + f[axis] * (at_high - at_low));
+    }
+    early -= 0.5f * bends[axis] * f[axis] * (1 - f[axis]);
+  }
+  // No less than is taken off walls in general (kWall).
+  here.value += meets ? greatest(early - cut.wall, Float4{}) : Float4{};
+  const float* a = scan.frame.a;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Float4 turn = meets ? bends[axis] * (f[axis] - 0.5f) : Float4{};
+    here.gx += a[3 * axis] * turn, here.gy += a[3 * axis + 1] * turn;
+    here.gz += a[3 * axis + 2] * turn;
+  }
+  return meets;
 }
 
 // Where walls meet, the bur's own print and another's or its floor and its side, the field in the middle of a
@@ -313,6 +371,34 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
   for (auto& of : s.of_tissue) {
     const Int4 less = partly & (s.share < of.share);
     of = {partly ? of.share * left : of.share, less ? s.x : of.x, less ? s.y : of.y};
+  }
+}
+
+// Leaves out pieces of which the middle of what is covered lies where the bur has been: between the lattice's cuts
+// a bur that goes to and fro would grind the same tissue each time.
+void ContactModel::leave_out_where_it_was(const Pieces& pieces, int first,
+                                          Lanes& s) const noexcept {
+  const auto at = [first](const std::vector<float>& of, int p) {
+    return static_cast<double>(of[static_cast<std::size_t>(first + p)]);
+  };
+  for (int p = 0; p < kPieces; ++p) {
+    if (!(s.share[p] > kLeastShare)) continue;
+    const double along = at(pieces.half_along, p) * static_cast<double>(s.x[p]),
+                 around = at(pieces.half_around, p) * static_cast<double>(s.y[p]),
+                 down = -0.5 * (static_cast<double>(s.curvature_along) * along * along +
+                                static_cast<double>(s.curvature_around[p]) * around * around);
+    const Vec3 x(at(pieces.x, p) + along * at(pieces.lx, p) + around * at(pieces.tx, p) +
+                     down * at(pieces.nx, p),
+                 at(pieces.y, p) + along * at(pieces.ly, p) + around * at(pieces.ty, p) +
+                     down * at(pieces.ny, p),
+                 at(pieces.z, p) + along * at(pieces.lz, p) + down * at(pieces.nz, p));
+    for (const Been& been : been_) {
+      const Vec3 there = been.turn * x + been.way;
+      if (bur_.distance(std::hypot(there.x(), there.y()), there.z()) < -kInside) {
+        s.share[p] = 0;
+        break;
+      }
+    }
   }
 }
 

@@ -22,8 +22,10 @@ class LevelsetEngine final : public GrindingEngine {
         removal_(bur, workpiece, pose) {}
 
   void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept override {
+    removal_.ahead(pose, v, omega, uncut_);
     contact_.sample(workpiece_, pose, v, omega, kReachVoxels * workpiece_.voxel(),
-                    removal_.cuts_made());
+                    removal_.cuts_made(),
+                    {uncut_.poses.data(), static_cast<std::size_t>(uncut_.count)});
   }
   bool covers(const Vec3& v) const noexcept override { return contact_.covers(v); }
   const ContactSet& contact() const noexcept override { return contact_.contact(); }
@@ -38,6 +40,7 @@ class LevelsetEngine final : public GrindingEngine {
   Workpiece& workpiece_;
   ContactModel contact_;
   Removal removal_;
+  UncutAhead uncut_;
 };
 
 }  // namespace

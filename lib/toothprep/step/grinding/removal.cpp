@@ -38,7 +38,7 @@ constexpr float kRoot3 = 1.7320509f;
 constexpr float kHalfEdge = 0.5f * (kBlockEdge - 1);  // voxels, from a block's middle to a side
 constexpr double kHalfBlock = 0.5 * (kBlockEdge - 1) * kRoot3;  // and to a corner
 // A sweep is taken for a translation if no point of the head leaves its chord by more than this,
-constexpr double kStraight = 0.05;  // voxels
+constexpr double kStraight = 0.01;  // voxels
 // nor goes farther than its ends: what was ground beyond them and left would be ground each time.
 constexpr double kBeyondEnds = 0.01;  // voxels
 // A cut is carved in proportion to the way, a little ahead of the next one's being due. At once it
@@ -610,6 +610,28 @@ void Removal::carve() noexcept {
   const double part = hurry ? 1 : std::min(1.0, kAhead * way_since_plan_ / due_distance_);
   const auto by_now = static_cast<std::size_t>(std::ceil(part * static_cast<double>(box_size_)));
   if (by_now > cursor_) carve_some(by_now - cursor_, kMostBricks);
+}
+
+void Removal::ahead(const Pose& pose, const Vec3& v, const Vec3& omega,
+                    UncutAhead& found) const noexcept {
+  const double least = kBeyondEnds * workpiece_.voxel();
+  const Vec3 ends[2] = {Vec3::Zero(), Vec3(0, 0, bur_.head_length())};  // of the axis, B
+  const auto add = [&](const Pose& been) {
+    for (const Vec3& end : ends) {
+      const Vec3 velocity = v + omega.cross(end);
+      const Vec3 way = pose.to_local(been.to_world(end)) - end;
+      if (way.dot(velocity) <= least * velocity.norm()) continue;
+      found.poses[static_cast<std::size_t>(found.count++)] = been;
+      return;
+    }
+  };
+  found.count = 0;
+  // The latest first.
+  for (auto w = way_.rbegin(); w != way_.rend(); ++w) {
+    if (found.count == UncutAhead::kMost || w->jump) return;
+    add(w->pose);
+  }
+  if (found.count < UncutAhead::kMost && cursor_ < box_size_) add(last_);
 }
 
 void Removal::finish(const Pose& pose) noexcept {

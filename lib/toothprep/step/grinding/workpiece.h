@@ -22,6 +22,7 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   // Keeps a reference to `tooth`, which must outlive it. Every brick that carving can touch gets
   // its place in the pool here.
   explicit Workpiece(const LayeredTooth& tooth);
+  explicit Workpiece(LayeredTooth&&) = delete;
 
   const LayeredTooth& tooth() const { return tooth_; }       // as given: never carved
   const Lattice& lattice() const { return tooth_.lattice; }  // the tooth's and the cut's
