@@ -1,5 +1,6 @@
 // Passes that nobody chose: bur, depth, lean, tissue and side steps are drawn by lot. The suite runs the first twelve;
-// TOOTHPREP_DRAWN says how many (48, of which README.md in step/grinding speaks, take two minutes).
+// TOOTHPREP_DRAWN says how many (48, of which README.md in step/grinding speaks, take two minutes), TOOTHPREP_DRAW which
+// draw it is (1).
 #include <cstdlib>
 #include <random>
 
@@ -38,9 +39,9 @@ Passes drawn(std::mt19937& numbers) {
   return p;
 }
 
-int count_of_drawn() {
-  const char* asked = std::getenv("TOOTHPREP_DRAWN");
-  return asked ? std::atoi(asked) : 12;
+int asked_for(const char* variable, int otherwise) {
+  const char* asked = std::getenv(variable);
+  return asked ? std::atoi(asked) : otherwise;
 }
 
 // Over all passes, each over what is allowed of it: 1 % of its own energy or 0.2 % of the first's at 0.1 mm, below
@@ -51,9 +52,10 @@ struct Spread {
 };
 
 Spread spread_at(double voxel) {
-  std::mt19937 numbers(1);
+  std::mt19937 numbers(static_cast<unsigned>(asked_for("TOOTHPREP_DRAW", 1)));
+  const int count = asked_for("TOOTHPREP_DRAWN", 12);
   Spread s;
-  for (; s.cases < count_of_drawn(); ++s.cases) {
+  for (; s.cases < count; ++s.cases) {
     const Passes p = drawn(numbers);
     const bool coarse = voxel > 0.07;
     std::printf("%2d: %.2f mm, enamel %.1f, z %+.3f %+.3f; ", s.cases, p.depth, p.enamel, p.z[1],

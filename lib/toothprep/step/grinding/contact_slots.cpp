@@ -155,7 +155,7 @@ struct ContactModel::Slots {
   // Of these pieces, those of which the first slot leaves nothing: what else there is takes more, and the lattice has
   // nowhere less void than that slot makes.
   Int4 leaves_nothing(Int4 good) const {
-    const Float4 least = all4(-kThinSlot * cut.voxel), most = all4(kLessVoid * cut.voxel);
+    const Float4 least = all4(-kThinSlot * cut.voxel);
     for (int k = 0; k < kCellsInPiece && any(good); ++k) {
       const Float4 x = all4(k == 4  ? 0.0f
                             : k & 1 ? 1.0f
@@ -165,9 +165,14 @@ struct ContactModel::Slots {
                                     : -1.0f);
       good &= sample(1, place(x, y)).value > least;
     }
+    return has_its_void(good, kLessVoid);
+  }
+  // Of these pieces, those around which the first slot makes nowhere more void than the lattice has, by so many voxels.
+  Int4 has_its_void(Int4 good, float voxels) const {
+    const Float4 most = all4(voxels * cut.voxel);
     for (int cell = 0; cell < kCellsInPiece; ++cell)
       for (int k = 0; k < kCorners && any(good); ++k)
-        good &= sample(1, corner(cell, k)).value - cells[cell].corner(k) < most;
+        good &= slot.at(corner(cell, k) - origin[0]).value - cells[cell].corner(k) < most;
     return good;
   }
   // Puts a slot where a cell's gradient says. Whether there may be one along the motion.
@@ -220,11 +225,13 @@ struct ContactModel::Slots {
     const Place own = slot.edge().across(Float4{}, Float4{}, all4(slot.edge().height())) +
                       (all4(f.fx) * side[0] + all4(f.fy) * side[1] + all4(f.fz) * side[2]) -
                       from_tip;
-    Int4 counts[kCells] = {};
-    for (int cell = 0; cell < kCellsInPiece; ++cell) counts[cell] = where;
     origin[0] = own;
+    const Int4 may_be = has_its_void(where, kAsOwn);
+    if (!any(may_be)) return may_be;
+    Int4 counts[kCells] = {};
+    for (int cell = 0; cell < kCellsInPiece; ++cell) counts[cell] = may_be;
     for (int i = 0; i < kSteps; ++i) improve(0, counts, all4(kAsOwn * cut.voxel));
-    return leaves_nothing(where);
+    return leaves_nothing(may_be);
   }
   // Puts the slots of piece p where those of others are to be.
   void take_over(int p, const Int4& where) {
