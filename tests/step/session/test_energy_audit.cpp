@@ -1,6 +1,6 @@
 // The torque's work must equal the specific energy of what was removed: integral of 2 pi N T_z dt =
 // sum over tissues of u_k V_k, because v·n ds is the volume that an element removes per time.
-// Within 3 % at 0.1 mm on every kind of path.
+// Within 1 % at 0.1 mm on every kind of path; by a hand that trembles within 5 %.
 #include <gtest/gtest.h>
 
 #include "experiment.h"

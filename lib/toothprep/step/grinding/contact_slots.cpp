@@ -156,15 +156,9 @@ struct ContactModel::Slots {
   // nowhere less void than that slot makes.
   Int4 leaves_nothing(Int4 good) const {
     const Float4 least = all4(-kThinSlot * cut.voxel);
-    for (int k = 0; k < kCellsInPiece && any(good); ++k) {
-      const Float4 x = all4(k == 4  ? 0.0f
-                            : k & 1 ? 1.0f
-                                    : -1.0f),
-                   y = all4(k == 4  ? 0.0f
-                            : k & 2 ? 1.0f
-                                    : -1.0f);
-      good &= sample(1, place(x, y)).value > least;
-    }
+    constexpr float kPlaces[kCellsInPiece][2] = {{0, 0}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}};
+    for (const auto& [x, y] : kPlaces)
+      good &= slot.at(place(all4(x), all4(y)) - origin[0]).value > least;
     return has_its_void(good, kLessVoid);
   }
   // Of these pieces, those around which the first slot makes nowhere more void than the lattice has, by so many voxels.
@@ -336,8 +330,9 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
                 1 + kBeyondCorner * cut.voxel / cut.half_around);
     has_all = true;
   };
-  Int4 one = slots.are_in_own_slot(left), two{}, tried{};
-  left &= ~one;  // with another first slot: twice is enough
+  Int4 one = slots.are_in_own_slot(left), two{};
+  left &= ~one;
+  Int4 tried{};  // with another first slot: twice is enough
   for (int cell = 0; cell < kCells && any(left); ++cell) {
     if (cell == kCellsInPiece) read_all();
     const Int4 first = slots.find(0, cell, left);
