@@ -28,8 +28,6 @@ constexpr double kBendsOver = 0.1, kStraight = 0.005, kFarthest = 0.5;
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
-// Poses at which the bur has been as well, at most.
-constexpr std::size_t kMostBeen = 16;
 
 // How far the element's rim lies behind its tangent plane, mm.
 float sag_of(const SurfaceElements& e, std::size_t i) {
@@ -177,7 +175,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
                           const Vec3& omega, double reach, std::uint64_t cuts,
                           std::span<const Pose> been) noexcept {
   been_.clear();
-  for (const Pose& p : been.first(std::min(been.size(), been_.capacity())))
+  for (const Pose& p : been.first(std::min(been.size(), kMostBeen)))
     been_.push_back({(p.orientation.conjugate() * pose.orientation).toRotationMatrix(),
                      p.to_local(pose.position)});
   const IndexFrame f(workpiece.lattice(), pose);

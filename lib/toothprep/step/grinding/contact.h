@@ -50,6 +50,8 @@ constexpr int kPiecesAcross = 2;
 
 class ContactModel {
  public:
+  static constexpr std::size_t kMostBeen = 16;  // poses that sample() takes besides its own
+
   // Keeps a reference to the bur. Pieces of at most `piece_size` mm; u and alpha per tissue (validated by the caller).
   ContactModel(const Bur& bur, double piece_size, bool clockwise,
                const PerTissue<GrindingProperties>& tissue);
@@ -57,8 +59,8 @@ class ContactModel {
   // Finds the elements in contact for a bur at `pose` that moves with trial velocity v (mm/s, B,
   // not zero unless omega turns it) and turns with omega (rad/s, B). `reach` in mm. Elements that
   // face away from the motion by more than a margin of 3° are left out; see covers(). `cuts`: any
-  // number that changes when the cut does. What a bur at one of the `been` poses takes up is void,
-  // whether or not the lattice has it. Allocates nothing.
+  // number that changes when the cut does. What a bur at one of the first kMostBeen poses of
+  // `been` takes up is void, whether or not the lattice has it. Allocates nothing.
   void sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v, const Vec3& omega,
               double reach, std::uint64_t cuts = 0, std::span<const Pose> been = {}) noexcept;
 

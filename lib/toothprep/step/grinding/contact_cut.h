@@ -123,22 +123,25 @@ struct ContactModel::CutOfPieces {
   }
   // Whether the curvature of the wall is known that has this field: else it is taken to be the bur's here.
   Int4 knows(const FourSamples& g) const { return walls.know(-g.gz); }
-  // The same, by its arc: whose normal is a unit vector even where the lattice's gradient isn't.
+  // What the arc that left it needs to know: its normal is a unit vector even where the lattice's gradient isn't.
   SweptArc::Known known(const FourSamples& g, const Across& w) const {
     const Float4 per_length =
         1 / greatest(square_root(g.gx * g.gx + g.gy * g.gy + g.gz * g.gz), all4(kFlat));
     return {g.value, -per_length * g.gz, per_length * w.z, per_speed * uz};
   }
-  // The curvature (1/mm) in that direction.
-  Float4 curvature_of(const FourSamples& g, const Across& w) const {
+  // The wall's curvature (1/mm) in that direction; 0 where it isn't known.
+  Float4 known_curvature(const FourSamples& g, const Across& w) const {
+    const Int4 is_known = knows(g);
+    if (!any(is_known)) return Float4{};
+    const SweptArc::Known k = known(g, w);
+    return is_known ? walls.arc(k.normal).curvature(k) : Float4{};
+  }
+  // The bur's own curvature there.
+  Float4 curvature_here(const Across& w) const {
     const Float4 l = (axes.along_x * w.x + axes.along_y * w.y + axes.along_z * w.z) / half_along,
                  t = (axes.around_x * w.x + axes.around_y * w.y) / half_around, ll = l * l,
-                 tt = t * t,
-                 here = (curvature_along * ll + curvature_around * tt) /
-                        greatest(ll + tt, all4(kFlat));
-    if (!any(knows(g))) return here;
-    const SweptArc::Known k = known(g, w);
-    return knows(g) ? walls.arc(k.normal).curvature(k) : here;
+                 tt = t * t;
+    return (curvature_along * ll + curvature_around * tt) / greatest(ll + tt, all4(kFlat));
   }
   // By how much a wall stands out on the lattice that the surface leaves when it is swept along itself: that has no
   // curvature that way, and all of the surface's Gaussian one.
@@ -154,7 +157,7 @@ struct ContactModel::CutOfPieces {
     FourSamples found = g;
     const Int4 known = knows(g);
     const Across w = across(g);
-    const Float4 by_voxel = known ? curvature_of(g, w) * voxel : Float4{};
+    const Float4 by_voxel = known_curvature(g, w) * voxel;
     const Float4 in_cell[3] = {at.fx, at.fy, at.fz};
     for (int i = 0; i < 3; ++i) {
       const float x = frame.a[3 * i] * voxel, y = frame.a[3 * i + 1] * voxel,
@@ -173,11 +176,11 @@ struct ContactModel::CutOfPieces {
     const Float4 dx = x - by.x, dy = y - by.y, dz = z - by.z;
     const Across w = across(g);
     const Int4 is_known = knows(g);
-    SweptArc::Known k = known(g, w);
+    const SweptArc::Known k = known(g, w);
     const SweptArc of = walls.arc(k.normal);
     const SweptArc arc{
         is_known ? of.centre : Float4{},
-        is_known ? of.radius : g.value + 1 / greatest(curvature_of(g, w), all4(kFlat))};
+        is_known ? of.radius : g.value + 1 / greatest(curvature_here(w), all4(kFlat))};
     const SweptArc::Tangent there =
         arc.at(k, -(g.gx * dx + g.gy * dy + g.gz * dz), w.x * dx + w.y * dy + w.z * dz);
     g.value = there.value;
@@ -228,7 +231,7 @@ struct ContactModel::CutOfPieces {
     Float4 towards_l = all4(curvature_along), towards_t = curvature_around;
     // Straight sides lie where the arc ends: their walls are half of each.
     if (const Int4 known = may_be_ridges ? knows(g) : Int4{}; any(known)) {
-      const Float4 curvature = curvature_of(g, w);
+      const Float4 curvature = known_curvature(g, w);
       towards_l = known ? curvature : towards_l, towards_t = known ? curvature : towards_t;
     }
     const Float4 wall_along = beside * (-0.5f * towards_l) * l * l,

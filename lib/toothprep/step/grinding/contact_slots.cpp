@@ -189,7 +189,7 @@ struct ContactModel::Slots {
     return where & (values >= kLeastValues) & (kAlong * magnitude(sum(along_motion)) < 1) &
            (steep > kLeastSteep) & (magnitude(s.value) < kFarOff * cut.voxel);
   }
-  // One step of least squares, by the cells that count and of these the values that are no farther off than `most` (mm).
+  // One step of least squares, by the cells that count and of these the values that are no farther off than `most_off` (mm).
   void improve(int number, const Int4 (&counts)[kCells], const Float4& most_off) {
     Float4 ll{}, lh{}, hh{};
     Place error{};
@@ -216,10 +216,8 @@ struct ContactModel::Slots {
   // nothing.
   Int4 are_in_own_slot(const Int4& where) {
     const IndexFrame& f = scan.frame;
-    const Place own = slot.edge().across(Float4{}, Float4{}, all4(slot.edge().height())) +
-                      (all4(f.fx) * side[0] + all4(f.fy) * side[1] + all4(f.fz) * side[2]) -
-                      from_tip;
-    origin[0] = own;
+    origin[0] = slot.edge().across(Float4{}, Float4{}, all4(slot.edge().height())) +
+                (all4(f.fx) * side[0] + all4(f.fy) * side[1] + all4(f.fz) * side[2]) - from_tip;
     const Int4 may_be = has_its_void(where, kAsOwn);
     if (!any(may_be)) return may_be;
     Int4 counts[kCells] = {};
@@ -358,10 +356,9 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   for (int p = 0; p < kPieces; ++p) {
     Int4 open = near & ~(one | two);
     if (!(one | two)[p] || !any(open)) continue;
-    const bool has_two = two[p];
     slots.take_over(p, open);
     one |= slots.explain(1, open), one |= slots.leaves_nothing(open & ~one);
-    if (has_two) two |= slots.explain(2, open & ~one);
+    if (two[p]) two |= slots.explain(2, open & ~one);
   }
   if (any(one | two)) cover_by(slots, one, two, s);
   return found(one | two);

@@ -20,8 +20,8 @@ constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
 // bur left itself. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
 // that the end itself leaves when it leans.
 constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
-// The walls of a ridge are looked at so far from it (voxels) along each, where no cell holds both, then farther if there
-// isn't one wall yet, and they meet in one if each lies that far (voxels) within the other.
+// The walls of a ridge are looked at so far from it (voxels), where no cell holds both: each at the nearest place where
+// the next one confirms it. They meet in a ridge if each lies that far (voxels) within the other.
 constexpr float kAside[] = {1.5f, 2.25f, 3, 3.75f}, kApart = 0.05f;
 // Where its curvature is known, a wall tells what is found farther along it, to so many voxels.
 constexpr float kAgrees = 0.015f;

@@ -1,6 +1,8 @@
 #include "toothprep/step/grinding/engine.h"
 
 #include <algorithm>
+#include <array>
+#include <span>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/grinding/contact.h"
@@ -22,10 +24,9 @@ class LevelsetEngine final : public GrindingEngine {
         removal_(bur, workpiece, pose) {}
 
   void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept override {
-    removal_.ahead(pose, v, omega, uncut_);
+    const std::size_t count = removal_.ahead(pose, v, omega, uncut_);
     contact_.sample(workpiece_, pose, v, omega, kReachVoxels * workpiece_.voxel(),
-                    removal_.cuts_made(),
-                    {uncut_.poses.data(), static_cast<std::size_t>(uncut_.count)});
+                    removal_.cuts_made(), std::span(uncut_).first(count));
   }
   bool covers(const Vec3& v) const noexcept override { return contact_.covers(v); }
   const ContactSet& contact() const noexcept override { return contact_.contact(); }
@@ -40,7 +41,7 @@ class LevelsetEngine final : public GrindingEngine {
   Workpiece& workpiece_;
   ContactModel contact_;
   Removal removal_;
-  UncutAhead uncut_;
+  std::array<Pose, ContactModel::kMostBeen> uncut_;
 };
 
 }  // namespace

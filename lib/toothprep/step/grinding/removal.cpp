@@ -612,26 +612,26 @@ void Removal::carve() noexcept {
   if (by_now > cursor_) carve_some(by_now - cursor_, kMostBricks);
 }
 
-void Removal::ahead(const Pose& pose, const Vec3& v, const Vec3& omega,
-                    UncutAhead& found) const noexcept {
+std::size_t Removal::ahead(const Pose& pose, const Vec3& v, const Vec3& omega,
+                           std::span<Pose> found) const noexcept {
   const double least = kBeyondEnds * workpiece_.voxel();
   const Vec3 ends[2] = {Vec3::Zero(), Vec3(0, 0, bur_.head_length())};  // of the axis, B
+  std::size_t count = 0;
   const auto add = [&](const Pose& been) {
     for (const Vec3& end : ends) {
       const Vec3 velocity = v + omega.cross(end);
       const Vec3 way = pose.to_local(been.to_world(end)) - end;
       if (way.dot(velocity) <= least * velocity.norm()) continue;
-      found.poses[static_cast<std::size_t>(found.count++)] = been;
+      found[count++] = been;
       return;
     }
   };
-  found.count = 0;
-  // The latest first.
   for (auto w = way_.rbegin(); w != way_.rend(); ++w) {
-    if (found.count == UncutAhead::kMost || w->jump) return;
+    if (count == found.size() || w->jump) return count;
     add(w->pose);
   }
-  if (found.count < UncutAhead::kMost && cursor_ < box_size_) add(last_);
+  if (count < found.size() && cursor_ < box_size_) add(last_);
+  return count;
 }
 
 void Removal::finish(const Pose& pose) noexcept {

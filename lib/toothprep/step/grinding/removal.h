@@ -10,8 +10,8 @@
 // the same tissue a little deeper below its surface.
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "toothprep/step/bur/bur.h"
@@ -21,13 +21,6 @@
 #include "toothprep/step/grinding/workpiece.h"
 
 namespace toothprep {
-
-// Where the bur has been and cut, ahead of where it is; not yet in the lattice.
-struct UncutAhead {
-  static constexpr int kMost = 16;
-  std::array<Pose, kMost> poses;
-  int count = 0;
-};
 
 class Removal {
  public:
@@ -45,9 +38,11 @@ class Removal {
   // Once a step: plans a cut if one is due and none is under way, then carves a share of the cut
   // under way. Does nothing unless the bur has advanced since the last call.
   void carve() noexcept;
-  // Where the bur has been since the last cut that is in place, as far as a bur at `pose` that moves with v (mm/s, B) and
-  // turns with omega (rad/s, B) goes back there: places at which the way turned.
-  void ahead(const Pose& pose, const Vec3& v, const Vec3& omega, UncutAhead& found) const noexcept;
+  // Where a bur at `pose` that moves with v (mm/s, B) and turns with omega (rad/s, B) has cut before, so that it goes over
+  // that again, though no cut that is in place has it yet: the poses at which the way turned, the latest first. Fills
+  // `found` as far as it goes, and returns how many there are in it.
+  std::size_t ahead(const Pose& pose, const Vec3& v, const Vec3& omega,
+                    std::span<Pose> found) const noexcept;
   // Carves everything that is due up to `pose`, or up to where it was paused.
   void finish(const Pose& pose) noexcept;
 
