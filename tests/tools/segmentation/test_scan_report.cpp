@@ -1,9 +1,14 @@
 // The report's figures on shapes whose enamel thickness is known.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
+#include <string>
 
+#include "../../support/phantom.h"
 #include "toothprep/tools/segmentation/scan_report.h"
 
 namespace toothprep {
@@ -68,6 +73,50 @@ TEST(ScanReport, LeavesItsFilesWithAndWithoutGreys) {
     EXPECT_EQ(std::filesystem::exists(folder / "histogram.csv"), greys);
     for (const char* file : {"report.json", "slice-x.csv", "slice-y.csv", "slice-z.csv"})
       EXPECT_GT(std::filesystem::file_size(folder / file), 100u) << file;
+    std::filesystem::remove_all(folder);
+  }
+}
+
+// Of a tooth much finer than its scan, the half widths are those of the voxels in which its surfaces were sought.
+TEST(ScanReport, SlicesHaveAHalfWidthWhereASurfaceIs) {
+  phantom::Scanner scanner;
+  const auto scan = phantom::scan_of(phantom::balls(3.5, 2.3, 1.1, Vec3::Zero()),
+                                     Vec3::Constant(-6), Vec3::Constant(6), scanner);
+  const auto folder = std::filesystem::path(TOOTHPREP_BINARY_DIR) / "tests" / "scan-report-slices";
+  for (const double voxel : {0.1, 0.05}) {
+    VoxelizeOptions options;
+    options.voxel = voxel;
+    VoxelizeReport report;
+    const LayeredTooth tooth = voxelize_scan(scan, options, &report);
+    EXPECT_DOUBLE_EQ(report.uncertainty.voxel_mm, voxel < 0.1 ? 0.12 : 0.1);
+    std::filesystem::create_directories(folder);
+    write_scan_report(folder.string(), tooth, report, "1.2", "Release");
+    std::ifstream slice(folder / "slice-z.csv");
+    std::string line;
+    std::getline(slice, line);
+    EXPECT_EQ(line, "u_mm,v_mm,grey,tissue,half_width_mm");
+    std::size_t on_surface = 0;
+    while (std::getline(slice, line)) {
+      std::array<double, 5> row{};
+      std::istringstream fields(line);
+      for (double& value : row) {
+        std::string field;
+        std::getline(fields, field, ',');
+        value = std::stod(field);
+      }
+      const double r = std::hypot(row[0], row[1]), half_width = row[4];
+      const double from_surface =
+          std::min({std::abs(r - 3.5), std::abs(r - 2.3), std::abs(r - 1.1)});
+      if (std::isnan(half_width)) {
+        EXPECT_GT(from_surface, 0.3 * voxel);
+        continue;
+      }
+      ++on_surface;
+      EXPECT_LT(from_surface, 1.5 * voxel);
+      EXPECT_GT(half_width, 0.03);
+      EXPECT_LT(half_width, 0.2);
+    }
+    EXPECT_GT(on_surface, 2 * M_PI * (3.5 + 2.3 + 1.1) / voxel);
     std::filesystem::remove_all(folder);
   }
 }

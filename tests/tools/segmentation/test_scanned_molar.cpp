@@ -40,11 +40,27 @@ const Scanned& scanned() {
   return result;
 }
 
+// Trilinear of a level set, mm.
+template <class Grid>
+double at(const Grid& level_set, const Lattice& lattice, const Vec3& x) {
+  const Vec3 index = lattice.to_index(x), low = index.array().floor();
+  const Index3 i = low.cast<int>();
+  const Vec3 f = index - low;
+  double sum = 0;
+  for (int c = 0; c < 8; ++c) {
+    const Index3 n(c & 1, (c >> 1) & 1, c >> 2);
+    double w = 1;
+    for (int a = 0; a < 3; ++a) w *= n[a] ? f[a] : 1 - f[a];
+    sum += w * level_set.value(i.x() + n.x(), i.y() + n.y(), i.z() + n.z());
+  }
+  return sum;
+}
+
 // The error of a surface at a voxel beside it: difference of found and true signed distance.
-double error_at(const LayeredTooth& tooth, const SurfaceUncertainty::Place& place) {
-  const Index3& v = place.voxel;
-  const ToothSample s = sample_molar(tooth.lattice.to_world(v));
-  const auto found = [&](const auto& set) { return set.value(v.x(), v.y(), v.z()); };
+double error_at(const LayeredTooth& tooth, const SurfaceUncertainty::Place& place, double voxel) {
+  const Vec3 x = voxel * (place.voxel.cast<double>() + Vec3::Constant(0.5));
+  const ToothSample s = sample_molar(x);
+  const auto found = [&](const auto& set) { return at(set, tooth.lattice, x); };
   switch (place.surface) {
     case ScanSurface::kEnamelOutside:
     case ScanSurface::kDentinOutside:
@@ -69,7 +85,8 @@ TEST(HalfWidths, HoldTheSurfacesNineteenTimesOfTwenty) {
   const double band = 0.99 * tooth.band();
   for (const auto& place : report.uncertainty.places) {
     const auto s = static_cast<std::size_t>(place.surface);
-    const double error = std::min(std::abs(error_at(tooth, place)), band);
+    const double error =
+        std::min(std::abs(error_at(tooth, place, report.uncertainty.voxel_mm)), band);
     coverage[s].places += 1;
     coverage[s].local += error <= place.half_width;
     coverage[s].figure += error <= report.uncertainty.figures[s].half_width;
@@ -83,22 +100,6 @@ TEST(HalfWidths, HoldTheSurfacesNineteenTimesOfTwenty) {
     EXPECT_GE(c.local, 0.95 * c.places) << kScanSurfaceNames[s];
     EXPECT_GE(c.figure, 0.95 * c.places) << kScanSurfaceNames[s];
   }
-}
-
-// Trilinear of a level set, mm.
-template <class Grid>
-double at(const Grid& level_set, const Lattice& lattice, const Vec3& x) {
-  const Vec3 index = lattice.to_index(x), low = index.array().floor();
-  const Index3 i = low.cast<int>();
-  const Vec3 f = index - low;
-  double sum = 0;
-  for (int c = 0; c < 8; ++c) {
-    const Index3 n(c & 1, (c >> 1) & 1, c >> 2);
-    double w = 1;
-    for (int a = 0; a < 3; ++a) w *= n[a] ? f[a] : 1 - f[a];
-    sum += w * level_set.value(i.x() + n.x(), i.y() + n.y(), i.z() + n.z());
-  }
-  return sum;
 }
 
 // How much enamel there is on the way inwards from a place of the true surface.

@@ -102,7 +102,8 @@ struct Filling {
   std::function<double(const Vec3&)>
       distance;  // mm, negative inside; only the part in the tooth counts
   double clip = 0;
-  double within = 0.1;  // of its volume
+  double within = 0.1;    // of its volume
+  double voxel = kVoxel;  // mm, of the tooth
 };
 
 // What the scanner sees: the greys of what is at each point, blurred; sampled at a fifth of a voxel. Where
@@ -184,8 +185,10 @@ TEST_P(Metal, IsOtherOfItsSizeAndHasNoSkinOfEnamel) {
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0, 0.03 * scanner.grey.dentin);
   for (float& grey : scan.data) grey = static_cast<float>(std::min(grey + noise(random), f.clip));
+  VoxelizeOptions options;
+  options.voxel = f.voxel;
   VoxelizeReport report;
-  const LayeredTooth tooth = voxelize_scan(scan, coarse(), &report);
+  const LayeredTooth tooth = voxelize_scan(scan, options, &report);
   EXPECT_NEAR(report.dentin, 160, 5);   // not taken for what is below the metal
   EXPECT_NEAR(report.enamel, 235, 12);  // a bin of the wider histogram is 9
   EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("too bright for enamel")));
@@ -235,6 +238,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Filling{"in dentin", ball(Vec3(1.2, 0, -2.5), 1.0), 1e9},
                       Filling{"in dentin, clipped", ball(Vec3(1.2, 0, -2.5), 1.0), 500},
                       Filling{"inlay", disc(2.5, 3, 1.4), 1e9},
+                      Filling{"inlay, much finer", disc(2.5, 3, 1.4), 1e9, 0.1, 0.06},
                       Filling{"inlay, clipped", disc(2.5, 3, 1.4), 500},
                       Filling{"disc of 0.6 mm", disc(2.0, 0.6, 1.4), 1e9},
                       Filling{"disc of 0.6 mm, clipped", disc(2.0, 0.6, 1.4), 500, 0.2},

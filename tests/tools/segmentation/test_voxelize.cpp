@@ -155,6 +155,8 @@ INSTANTIATE_TEST_SUITE_P(
                     BallCase{"SharpScan", 20, 0.08, 0, 0.14, 0.2},
                     BallCase{"BlurOverTwoVoxels", 20, 0.2, 0, 0.14, 0.15},
                     BallCase{"FineLattice", 20, 0.14, 0, 0.1, 0.15},
+                    BallCase{"MuchFinerThanTheScan", 20, 0.14, 0, 0.05, 0.15},
+                    BallCase{"MuchFinerThanASharpScan", 20, 0.08, 0, 0.05, 0.2},
                     BallCase{"CoarseLattice", 20, 0.14, 0, 0.3, 0.3},
                     BallCase{"Noise", 20, 0.14, 6, 0.14, 0.5}),
     [](const auto& test) { return std::string(test.param.name); });
@@ -199,19 +201,22 @@ INSTANTIATE_TEST_SUITE_P(
                     PegCase{"Noise", 20, 8, kVoxel, 0.2, 0.96},
                     PegCase{"StrongNoise", 20, 16, kVoxel, 0.2, 0.95},
                     PegCase{"FineLattice", 20, 3, 0.1, 0.2, 0.97},
+                    PegCase{"MuchFinerThanTheScan", 20, 3, 0.06, 0.2, 0.97},
                     PegCase{"CoarseLattice", 20, 3, 0.25, 0.12, 0.94}),
     [](const auto& test) { return std::string(test.param.name); });
 
 TEST(Voxelize, LabelsAgreeWithTheSignsOfTheLevelSets) {
   Scanner scanner;
   scanner.noise = 5;
-  const LayeredTooth tooth = peg_tooth(scanner);
-  for_each_voxel(tooth, [&](const Index3& i, const Vec3&) {
-    const auto label = value(tooth.tissue, i);
-    ASSERT_EQ(label != 0, value(tooth.solid, i) < 0);
-    for (std::uint8_t k = 1; k <= 3; ++k)
-      ASSERT_EQ(label == k, value(tooth.remains[k - 1], i) < 0) << int{k};
-  });
+  for (const double voxel : {kVoxel, 0.06}) {
+    const LayeredTooth tooth = peg_tooth(scanner, voxel);
+    for_each_voxel(tooth, [&](const Index3& i, const Vec3&) {
+      const auto label = value(tooth.tissue, i);
+      ASSERT_EQ(label != 0, value(tooth.solid, i) < 0);
+      for (std::uint8_t k = 1; k <= 3; ++k)
+        ASSERT_EQ(label == k, value(tooth.remains[k - 1], i) < 0) << int{k};
+    });
+  }
 }
 
 TEST(Voxelize, NoDentinSkinLiesOnTheEnamelNorEnamelOnTheRoot) {
@@ -342,13 +347,17 @@ TEST(Voxelize, GivesTheSameBitsWhateverTheThreads) {
   Scanner scanner;
   scanner.noise = 8;
   const auto scan = phantom::scan_of(phantom::peg(), kPegLow, kPegHigh, scanner);
-  std::vector<std::string> hashes;
-  for (const std::size_t threads : {1, 3, 4}) {
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    hashes.push_back(tooth_sha256(voxelize_scan(scan, coarse())));
+  for (const double voxel : {kVoxel, 0.06}) {
+    VoxelizeOptions options;
+    options.voxel = voxel;
+    std::vector<std::string> hashes;
+    for (const std::size_t threads : {1, 3, 4}) {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+      hashes.push_back(tooth_sha256(voxelize_scan(scan, options)));
+    }
+    EXPECT_EQ(hashes[0], hashes[1]);
+    EXPECT_EQ(hashes[0], hashes[2]);
   }
-  EXPECT_EQ(hashes[0], hashes[1]);
-  EXPECT_EQ(hashes[0], hashes[2]);
 }
 
 TEST(Voxelize, TakesGivenThresholdsAsTheyAre) {
@@ -372,11 +381,15 @@ TEST(Voxelize, AToothCutOffByTheScanEndsThereAndSaysSo) {
   Scanner scanner;
   VoxelizeReport report;
   const auto cut = phantom::scan_of(phantom::peg(-12), Vec3(-4.5, -4.5, -4), kPegHigh, scanner);
-  const LayeredTooth tooth = voxelize_scan(cut, coarse(), &report);
-  EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("border of the scan")));
-  // The last slice's voxels end half a voxel below their centres.
-  EXPECT_NEAR(bounds_of_solid(tooth).min.z(), cut.origin.z() - 0.1, kVoxel);
-  EXPECT_GT(remaining_volumes_mm3(tooth)[tissue_index(Tissue::kPulp)], 5);
+  for (const double voxel : {kVoxel, 0.05}) {
+    VoxelizeOptions options;
+    options.voxel = voxel;
+    const LayeredTooth tooth = voxelize_scan(cut, options, &report);
+    EXPECT_THAT(report.notes, testing::Contains(testing::HasSubstr("border of the scan")));
+    // The last slice's voxels end half a voxel below their centres.
+    EXPECT_NEAR(bounds_of_solid(tooth).min.z(), cut.origin.z() - 0.1, std::max(voxel, 0.12));
+    EXPECT_GT(remaining_volumes_mm3(tooth)[tissue_index(Tissue::kPulp)], 5);
+  }
 }
 
 std::string refusal(const ImageVolume<float>& scan, const VoxelizeOptions& options = {}) {

@@ -24,11 +24,14 @@ using ScanHalfWidths = std::array<double, kScanSurfaces>;
 // How far each surface could lie from where it was found, place by place.
 struct SurfaceUncertainty {
   struct Place {                                // of a surface
-    Index3 voxel;                               // of the tooth's lattice
+    Index3 voxel;                               // of a lattice from the frame's zero: see voxel_mm
     ScanSurface surface = ScanSurface::kOther;  // beside it; of several the first
     float half_width = 0;                       // mm, of the 95 % interval
   };
   std::vector<Place> places;  // voxels on either side of a surface, by their offset
+  // Those voxels' edge, mm: the tooth's, or larger where the tooth is much finer than its scan. They lie side by
+  // side from the frame's zero.
+  double voxel_mm = 0;
 
   // Per surface: root mean square of the places' half widths, which is the 95 % half width of a place
   // taken at random; half, and 95 %, of the places have at most the others. Zero where there is none.

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "toothprep/tools/segmentation/grey_classes.h"
-#include "toothprep/tools/segmentation/work_box.h"
+#include "toothprep/tools/segmentation/tooth_fields.h"
 
 namespace toothprep {
 

@@ -81,6 +81,48 @@ void write_histogram(const std::string& path, const ImageVolume<float>& scan,
   out.close();
 }
 
+// Of the places near a plane across an axis.
+class HalfWidths {
+ public:
+  HalfWidths(const SurfaceUncertainty& uncertainty, double plane, int axis)
+      : voxel_(uncertainty.voxel_mm) {
+    for (const SurfaceUncertainty::Place& place : uncertainty.places)
+      if (std::abs(centre(place.voxel)[axis] - plane) < 1.6 * voxel_)
+        near_.emplace(key(place.voxel), place.half_width);
+  }
+  // That of the nearest place, if there is one beside the voxel in which x lies; else NaN.
+  double at(const Vec3& x) const {
+    double half_width = std::nan(""), least = std::numeric_limits<double>::infinity();
+    if (near_.empty()) return half_width;
+    const Index3 middle = (x / voxel_).array().floor().cast<int>();
+    for (int n = 0; n < 27; ++n) {
+      const Index3 beside = middle + Index3(n % 3, n / 3 % 3, n / 9) - Index3::Ones();
+      const double square = (centre(beside) - x).squaredNorm();
+      if (square >= least) continue;
+      const auto found = near_.find(key(beside));
+      if (found == near_.end()) continue;
+      least = square;
+      half_width = found->second;
+    }
+    return half_width;
+  }
+
+ private:
+  static std::array<int, 3> key(const Index3& v) { return {v.x(), v.y(), v.z()}; }
+  Vec3 centre(const Index3& v) const { return voxel_ * (v.cast<double>() + Vec3::Constant(0.5)); }
+  double voxel_;
+  std::map<std::array<int, 3>, float> near_;
+};
+
+// Whether a voxel has a neighbour of another tissue.
+bool on_surface(const LayeredTooth& tooth, const Index3& at) {
+  const auto tissue = [&](const Index3& v) { return tooth.tissue.value(v.x(), v.y(), v.z()); };
+  for (int a = 0; a < 3; ++a)
+    for (const int side : {-1, 1})
+      if (tissue(at + side * Index3::Unit(a)) != tissue(at)) return true;
+  return false;
+}
+
 void write_slice(const std::string& path, int axis, const ImageVolume<float>* scan,
                  const LayeredTooth& tooth, const VoxelBox& box,
                  const SurfaceUncertainty& uncertainty) {
@@ -89,10 +131,7 @@ void write_slice(const std::string& path, int axis, const ImageVolume<float>* sc
   for (const char* name : {"u_mm", "v_mm", "grey", "tissue", "half_width_mm"}) out.text(name);
   out.end_row();
   Index3 at = box.first + box.size / 2;
-  std::map<std::pair<int, int>, float> half_width;  // of the plane's places
-  for (const SurfaceUncertainty::Place& place : uncertainty.places)
-    if (place.voxel[axis] == at[axis])
-      half_width[{place.voxel[u], place.voxel[v]}] = place.half_width;
+  const HalfWidths half_widths(uncertainty, tooth.lattice.to_world(at)[axis], axis);
   for (at[v] = box.first[v]; at[v] < box.first[v] + box.size[v]; ++at[v])
     for (at[u] = box.first[u]; at[u] < box.first[u] + box.size[u]; ++at[u]) {
       const Vec3 x = tooth.lattice.to_world(at);
@@ -100,8 +139,7 @@ void write_slice(const std::string& path, int axis, const ImageVolume<float>* sc
       out.number(x[v]);
       out.number(scan ? grey_at(*scan, x) : std::nan(""));
       out.number(tooth.tissue.value(at.x(), at.y(), at.z()));
-      const auto found = half_width.find({at[u], at[v]});
-      out.number(found == half_width.end() ? std::nan("") : found->second);
+      out.number(on_surface(tooth, at) ? half_widths.at(x) : std::nan(""));
       out.end_row();
     }
   out.close();

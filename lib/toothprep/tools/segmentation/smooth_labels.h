@@ -7,7 +7,7 @@
 
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/tools/io/image_volume.h"
-#include "toothprep/tools/segmentation/work_box.h"
+#include "toothprep/tools/segmentation/tooth_fields.h"
 
 namespace toothprep {
 

@@ -160,6 +160,7 @@ SurfaceUncertainty surface_uncertainty(const WorkBox& box, const TrimmedField& g
     }
   });
   SurfaceUncertainty result;
+  result.voxel_mm = box.lattice.voxel;
   for (const auto& plane : planes)
     result.places.insert(result.places.end(), plane.begin(), plane.end());
   add_figures(result);

@@ -19,7 +19,7 @@
 #include "toothprep/tools/io/scan_uncertainty.h"
 #include "toothprep/tools/segmentation/grey_classes.h"
 #include "toothprep/tools/segmentation/thin_enamel.h"
-#include "toothprep/tools/segmentation/work_box.h"
+#include "toothprep/tools/segmentation/tooth_fields.h"
 
 namespace toothprep {
 

@@ -55,7 +55,8 @@ struct VoxelizeReport {
 // Grey scan to tooth: the chosen bright component, of dentin and enamel, and the dark cavity inside
 // as pulp; what is far brighter than enamel is `other`. The scan is read in slabs, once, or twice
 // if the tooth's voxels are about as small as the scan's; memory grows with the tooth's box (about
-// 15 bytes a voxel), not with the scan. Throws Error when no tooth can be separated from its
+// 15 bytes a voxel), not with the scan. Surfaces of a tooth much finer than its scan are found on a lattice of 0.6
+// of the scan's smallest voxel, and interpolated. Throws Error when no tooth can be separated from its
 // surroundings (flat image, one class, nothing but noise) or when it looks like a segmentation,
 // naming what was found, when its two brightest classes can't be dentin and enamel (plausibility.h),
 // or when the tooth would take more memory than there is. Provenance gets threshold_dentin,

@@ -7,6 +7,7 @@
 #include "toothprep/tools/segmentation/dense_filters.h"
 #include "toothprep/tools/segmentation/label_teeth.h"
 #include "toothprep/tools/segmentation/smooth_labels.h"
+#include "toothprep/tools/segmentation/tooth_fields.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 #include "toothprep/tools/segmentation/work_box.h"
 
@@ -277,7 +278,7 @@ LayeredTooth voxelize_labels(const ImageVolume<std::uint16_t>& all, const NamedL
           : stepped_fields(labels, tissues, tissue_of, box, volume_mm3, blur);
 
   progress("measuring distances", 0.6);
-  LayeredTooth tooth = tooth_of(box, fields);
+  LayeredTooth tooth = tooth_of(box, fields, box);
   record_labels({labels.spacing.maxCoeff(), options.smooth_labels}, tooth.provenance);
   progress("done", 1);
   if (report) *report = {};

@@ -17,6 +17,7 @@
 #include "toothprep/tools/segmentation/scan_survey.h"
 #include "toothprep/tools/segmentation/surface_uncertainty.h"
 #include "toothprep/tools/segmentation/thin_enamel.h"
+#include "toothprep/tools/segmentation/tooth_fields.h"
 #include "toothprep/tools/segmentation/voxelize.h"
 #include "toothprep/tools/segmentation/wide_vectors.h"
 #include "toothprep/tools/segmentation/work_box.h"
@@ -586,6 +587,35 @@ TrimmedField greys_around_tooth(const WorkBox& box, const ImageVolume<float>& sc
   return {chunks, grey, static_cast<float>(classes.surroundings)};
 }
 
+// The voxel in which surfaces are sought, mm: the tooth's, or as fine as the scan has something to say
+// where the tooth's is much finer.
+double working_voxel(const ImageFrame& scan, double voxel) {
+  constexpr double kOfScan = 0.6, kMuch = 1.3;
+  const double fine = kOfScan * scan.spacing.minCoeff();
+  return fine > kMuch * voxel ? fine : voxel;
+}
+
+struct ToothBoxes {
+  WorkBox work, tooth;  // surfaces are sought in the first, whose voxels aren't smaller
+  double
+      blur;  // width of the scan's borders, in voxels of the first: one of the scan, or of the box
+  int margin;  // around the tooth, in voxels of the first
+};
+
+ToothBoxes boxes_around_tooth(const ImageFrame& scan, const GreyClasses& classes, double voxel,
+                              const VoxelizeOptions& options) {
+  const auto blur_of = [&](double mm) { return std::max(1.0, scan.spacing.maxCoeff() / mm); };
+  const auto margin_of = [&](double mm) {
+    return static_cast<int>(std::ceil(blur_of(mm))) + static_cast<int>(kReach);
+  };
+  const WorkBox tooth = box_around(scan, classes.box_min, classes.box_max, options.voxel,
+                                   margin_of(options.voxel), options.announce, voxel);
+  const WorkBox work = voxel == options.voxel ? tooth
+                                              : box_around(scan, classes.box_min, classes.box_max,
+                                                           voxel, margin_of(voxel));
+  return {work, tooth, blur_of(voxel), margin_of(voxel)};
+}
+
 // To the system: what one thread freed another one's heap would not use.
 void return_free_memory() { malloc_trim(0); }
 
@@ -667,31 +697,28 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   const auto progress = [&](const char* stage, double done) {
     if (options.progress) options.progress(stage, done);
   };
-  ScanSurvey seen =
-      survey(scan, options.voxel, [&](double read) { progress("reading", 0.3 * read); });
+  const ImageFrame& frame = scan.frame();
+  const double voxel = working_voxel(frame, options.voxel);
+  ScanSurvey seen = survey(scan, voxel, [&](double read) { progress("reading", 0.3 * read); });
   if (!options.thresholds && !options.typical) refuse_segmentation(seen.values);
   progress("finding the tooth", 0.3);
-  const ImageFrame& frame = scan.frame();
   const GreyClasses classes =
       find_grey_classes(std::move(seen.class_means), seen.class_block, frame.size,
                         {options.thresholds, options.typical, options.tooth, options.tooth_at});
-  // The width of the scan's borders, in output voxels: a voxel of the scan, or of the output where
-  // that is coarser.
-  const double blur = std::max(1.0, frame.spacing.maxCoeff() / options.voxel);
-  const int margin = static_cast<int>(std::ceil(blur)) + static_cast<int>(kReach);
-  const WorkBox box =
-      box_around(frame, classes.box_min, classes.box_max, options.voxel, margin, options.announce);
+  const ToothBoxes boxes = boxes_around_tooth(frame, classes, voxel, options);
+  const WorkBox& box = boxes.work;
+  const double blur = boxes.blur;
 
   progress("resampling", 0.35);
   if (!seen.greys)
-    seen.greys = greys_of(scan, options.voxel, voxels_in(frame, box),
+    seen.greys = greys_of(scan, voxel, voxels_in(frame, box),
                           [&](double read) { progress("reading the tooth", 0.35 + 0.1 * read); });
   if (report) *report = {};
   double noise = 0;
   TrimmedField grey = greys_around_tooth(box, *seen.greys, classes, blur, noise);
 
   progress("finding the pulp", 0.5);
-  Cavity cavity = find_cavity(box, grey, classes, blur, margin);
+  Cavity cavity = find_cavity(box, grey, classes, blur, boxes.margin);
 
   // The solid to a voxel: the largest piece of tissue with its cavities.
   progress("finding the surface", 0.6);
@@ -737,7 +764,7 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
   along.thin.voxels = std::vector<ThinEnamel::Voxel>();
 
   progress("measuring distances", 0.8);
-  LayeredTooth tooth = tooth_of(box, fields);
+  LayeredTooth tooth = tooth_of(box, fields, boxes.tooth);
   fields = {};
   return_free_memory();
   tooth.provenance["threshold_dentin"] = short_number(classes.threshold_dentin);
@@ -751,10 +778,10 @@ LayeredTooth voxelize_scan(ScanSource& scan, const VoxelizeOptions& options,
     report->dentin = classes.dentin;
     report->enamel = classes.enamel;
     report->pulp = cavity.grey;
-    report->thin_enamel_mm2 = along.thin.area * options.voxel * options.voxel;
+    report->thin_enamel_mm2 = along.thin.area * voxel * voxel;
     report->uncertainty = std::move(uncertainty);
     if (along.measured)
-      report->blur_fwhm_mm = 2 * std::sqrt(2 * std::log(2.0)) * along.sigma * options.voxel;
+      report->blur_fwhm_mm = 2 * std::sqrt(2 * std::log(2.0)) * along.sigma * voxel;
     report->notes = scan.notes();
     add_notes(classes, seen, frame.voxels(), box, cavity, options, *report);
   }

@@ -1,11 +1,9 @@
-// The dense box of output voxels that voxelizing works on, and the last step from its fields to a
-// tooth.
+// The dense box of voxels that voxelizing works on.
 #pragma once
 
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -16,7 +14,6 @@
 #include "toothprep/step/tooth/layered_tooth.h"
 #include "toothprep/tools/io/image_volume.h"
 #include "toothprep/tools/segmentation/band_field.h"
-#include "toothprep/tools/segmentation/signed_field.h"
 
 namespace toothprep {
 
@@ -72,11 +69,12 @@ void for_each_of(const WorkBox& box, const BandField& field, const Work& work) {
 
 // The box around the image's voxels index_min .. index_max (inclusive) and `margin` output voxels.
 // Its lattice's voxels lie side by side from the frame's zero: faces are multiples of `voxel`. Tells
-// `announce` what the box will take if that is much. Throws Error if the voxel size is out of range,
-// or if the box would hold more than 2^29 voxels or take more memory than there is.
+// `announce` what the box will take if that is much, where surfaces are sought in voxels of `work_voxel` mm if those
+// are larger. Throws Error if the voxel size is out of range, or if the box would hold more than 2^29 voxels or take
+// more memory than there is.
 using Announce = std::function<void(const std::string&)>;
 WorkBox box_around(const ImageFrame& image, const Vec3& index_min, const Vec3& index_max,
-                   double voxel, int margin, const Announce& announce = {});
+                   double voxel, int margin, const Announce& announce = {}, double work_voxel = 0);
 
 // Calls sample(offset, centre, points) for every output voxel, planes in parallel: n^3 points
 // spread evenly over the voxel, relative to its centre, both in (fractional) voxels of the image.
@@ -118,23 +116,6 @@ float trilinear(const Index3& size, const Values& values, const Vec3& index) {
   const double ab = a + f.y() * (b - a), cd = c + f.y() * (d - c);
   return static_cast<float>(ab + f.z() * (cd - ab));
 }
-
-// The tooth as fields over the box, each positive inside and nowhere zero: the solid, and each
-// tissue against the other tissues (which matters in the solid and in a few voxels beyond its
-// surface).
-struct ToothFields {
-  SignedField solid;
-  std::array<SignedField, 3> tissue;  // enamel, dentin, pulp; empty if absent
-  std::vector<std::uint8_t> label;    // the tissue here; of a scan air outside the solid
-};
-
-// `value`, moved to the given side of zero if it isn't there.
-float signed_as(bool positive, float value);
-
-// Fields to distances, and both to a tooth. A tissue is where the solid and its side of the
-// interface both are, so its level set is the larger of the two distances, and the volumes of all
-// tissues add up to the solid's.
-LayeredTooth tooth_of(const WorkBox& box, const ToothFields& fields);
 
 std::string short_number(double value);  // four digits
 
