@@ -27,6 +27,7 @@ struct Passes {
   std::vector<double> z;
   double speed = 8;         // mm/s
   double element_size = 0;  // mm; 0: the default
+  bool forgets = false;  // back in a new session, which knows of the cut but not of the bur's way
 };
 
 struct Work {
@@ -42,15 +43,16 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
   Workpiece workpiece(tooth);
   HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
   Session session(bur, workpiece, parameters, Drive::kDirect, handle);
-  const auto cut_to = [&](double x) {
-    const double before = session.totals().torque_work, from = handle.pose.position.x();
+  StepRecord last;
+  const auto cut_to = [&](double x, Session& by) {
+    const double before = by.totals().torque_work, from = handle.pose.position.x();
     const int steps = static_cast<int>(std::ceil(std::abs(x - from) / p.speed / 1e-3));
     for (int i = 1; i <= steps; ++i) {
       handle.time += 1e-3;
       handle.pose.position.x() = from + (x - from) * i / steps;
-      session.step(handle);
+      last = by.step(handle);
     }
-    return session.totals().torque_work - before;
+    return by.totals().torque_work - before;
   };
   std::vector<Work> work;
   for (const double z : p.z) {
@@ -59,8 +61,14 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
     handle.buttons = 0;
     session.step(handle);
     handle.buttons = kPedalButton;
-    const double pass = cut_to(kStart);
-    work.push_back({pass, cut_to(-kStart)});
+    const double pass = cut_to(kStart, session);
+    if (p.forgets) {
+      session.finish(last);
+      Session other(bur, workpiece, parameters, Drive::kDirect, handle);
+      work.push_back({pass, cut_to(-kStart, other)});
+    } else {
+      work.push_back({pass, cut_to(-kStart, session)});
+    }
   }
   return work;
 }

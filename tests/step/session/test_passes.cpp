@@ -111,7 +111,20 @@ TEST(OverlappingPasses, BackThroughItsOwnSlotBesideAnEarlierOneABurFeelsNothing)
                           {"cylinder:D1.2xL4.0xR0.3", 0.172, 0.278, -0.146, 2, {0, -0.314, 0.266}},
                           {"cylinder:D1.2xL4.0xR0.3", 0.187, -0.094, -0.009, 2, {0, 0.162}},
                           {"ball:D0.9", 0.157, 0.271, 0.125, 0.6, {0, -0.235, -0.118}}};
-  for (const Passes& p : cases) expect_right(p, errors_of(p, 0.1));
+  for (Passes p : cases) {
+    expect_right(p, errors_of(p, 0.1));
+    p.forgets = true;
+    expect_right(p, errors_of(p, 0.1));
+  }
+}
+
+// A ridge between two earlier slots some micrometres high, which the bur took between two rows of the lattice's points.
+TEST(OverlappingPasses, BackOverARidgeThatTheLatticeDoesNotShowToBeGoneABurFeelsNothing) {
+  const Passes cases[] = {
+      {"taper:D1.4xL4.0xA4", 0.17376, 0.00043, 0.11905, 2, {0, 0.44888, -0.05916}},
+      {"ball:D0.9", 0.35671, -0.01289, -0.25405, 2, {0, -0.16547, -0.08354}},
+      {"taper:D1.4xL4.0xA4", 0.18522, 0.17240, -0.22899, 2, {0, -0.12778, -0.08121}}};
+  for (const Passes& p : cases) EXPECT_LT(errors_of(p, 0.1).back, 0.0002) << p.bur;
 }
 
 TEST(OverlappingPasses, BesideTheSlotOfALeaningFlatEndedBurWorkIsRight) {

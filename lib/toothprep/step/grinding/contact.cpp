@@ -28,6 +28,8 @@ constexpr double kBendsOver = 0.1, kStraight = 0.005, kFarthest = 0.5;
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
+// A bur that is off a straight part of its way by less than this (voxels) moves along it again.
+constexpr double kRetraced = 0.05;
 
 // How far the element's rim lies behind its tangent plane, mm.
 float sag_of(const SurfaceElements& e, std::size_t i) {
@@ -173,7 +175,8 @@ void ContactModel::add_piece(std::size_t i, double around, double along, int acr
 
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
                           const Vec3& omega, double reach, std::uint64_t cuts,
-                          std::span<const Pose> been) noexcept {
+                          std::span<const Pose> been,
+                          std::span<const StraightSweep> sweeps) noexcept {
   been_.clear();
   for (const Pose& p : been.first(std::min(been.size(), kMostBeen)))
     been_.push_back({(p.orientation.conjugate() * pose.orientation).toRotationMatrix(),
@@ -187,12 +190,18 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
             static_cast<float>(reach),
             omega.squaredNorm() > 0,
             cuts,
+            sweeps,
+            nullptr,
             Vec3::Zero()};
   if (scan.speed > 0) scan.direction = scan.v.cast<double>() / scan.speed;
   const double way = way_since(scan, pose);
   if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
+  for (const StraightSweep& sweep : sweeps)
+    if (!scan.turns &&
+        sweep.leads_through(bur_, pose, pose.orientation * v, kRetraced * workpiece.voxel()))
+      scan.retraced = &sweep;
   leaves_slots_ = !scan.turns && slot_ && slot_->move(scan.direction);
   scan.straight = straight_ahead(scan);
   advance(scan);

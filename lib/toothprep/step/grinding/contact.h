@@ -39,6 +39,7 @@
 #include "toothprep/step/grinding/contact_set.h"
 #include "toothprep/step/grinding/covered_part.h"
 #include "toothprep/step/grinding/kept_cells.h"
+#include "toothprep/step/grinding/straight_sweep.h"
 #include "toothprep/step/grinding/swept_slot.h"
 #include "toothprep/step/grinding/wall_curvature.h"
 #include "toothprep/step/grinding/workpiece.h"
@@ -60,9 +61,12 @@ class ContactModel {
   // not zero unless omega turns it) and turns with omega (rad/s, B). `reach` in mm. Elements that
   // face away from the motion by more than a margin of 3° are left out; see covers(). `cuts`: any
   // number that changes when the cut does. What a bur at one of the first kMostBeen poses of
-  // `been` takes up is void, whether or not the lattice has it. Allocates nothing.
+  // `been` takes up is void, whether or not the lattice has it; so is what one of `sweeps` took where the bur moves along
+  // that again, and no ridge is left where one of them went.
+  // Allocates nothing.
   void sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v, const Vec3& omega,
-              double reach, std::uint64_t cuts = 0, std::span<const Pose> been = {}) noexcept;
+              double reach, std::uint64_t cuts = 0, std::span<const Pose> been = {},
+              std::span<const StraightSweep> sweeps = {}) noexcept;
 
   // Whether every element that advances with v was considered by the last sample(), as far as the
   // velocity goes (omega is the handle's and doesn't change within a step).
@@ -170,24 +174,27 @@ class ContactModel {
   Int4 cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
                       const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
   static void cover_by(const Slots& slots, const Int4& one, const Int4& two, Lanes& lanes) noexcept;
-  static void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                            const Int4& wanted, Lanes& lanes) noexcept;
+  void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far, const Int4& wanted,
+                     Lanes& lanes) const noexcept;
   static void cover_grooves(const Scan& scan, const CutOfPieces& cut, const Place& far,
                             const Int4& wanted, Lanes& lanes) noexcept;
   static Int4 is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
                         const Probe& other) noexcept;
   static Wall look_at_wall(const Scan& scan, const CutOfPieces& cut, const Displaced& at,
                            const Place& far, const Int4& wanted) noexcept;
-  static void cover_ridges(const Scan& scan, const CutOfPieces& cut, const FourSamples& there,
-                           const Borders& border, const Place& far, const Int4& wanted,
-                           Lanes& lanes) noexcept;
+  void cover_ridges(const Scan& scan, const CutOfPieces& cut, const FourSamples& there,
+                    const Borders& border, const Place& far, const Int4& wanted,
+                    Lanes& lanes) const noexcept;
+  bool was_over(const Scan& scan, const CutOfPieces& cut, int p, float x, float y,
+                const Lanes& lanes) const noexcept;
   static Int4 is_deeper(const Scan& scan, const CutOfPieces& cut, const Place& far,
                         const Place& beside, const Wall (&walls)[2], const Int4& wanted) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
-  void leave_out_where_it_was(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
+  void leave_out_where_it_was(const Scan& scan, const Pieces& pieces, int first,
+                              Lanes& lanes) const noexcept;
   void cover_tooth(const Scan& scan, int i, const PieceAxes& axes, Lanes& lanes) noexcept;
   static void cover_both(const Int4& where, const CoveredPart<Float4>& by_cut,
                          Lanes& lanes) noexcept;

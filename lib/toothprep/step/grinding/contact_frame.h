@@ -77,9 +77,11 @@ struct ContactModel::Scan {
   float speed;               // mm/s, of v
   float reach;               // mm
   bool turns;
-  std::uint64_t cuts;                              // number of the cut
-  Vec3 direction;                                  // of v, B
-  float straight = 0;                              // mm: so far ahead walls may run along v
+  std::uint64_t cuts;  // number of the cut
+  std::span<const StraightSweep> sweeps;
+  const StraightSweep* retraced;  // one of them that the bur moves along again, or none
+  Vec3 direction;                 // of v, B
+  float straight = 0;             // mm: so far ahead walls may run along v
   Eigen::Vector3f unit = Eigen::Vector3f::Zero();  // the same, voxels per mm
 
   Eigen::Vector3f unit_of(const Eigen::Vector3f& u, float of_speed) const {

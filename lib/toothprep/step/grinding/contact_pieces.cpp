@@ -83,7 +83,7 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   }
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
-  if (!been_.empty()) leave_out_where_it_was(pieces, first, lanes);
+  if (!been_.empty() || scan.retraced) leave_out_where_it_was(scan, pieces, first, lanes);
   add_covered(pieces, first, lanes);
 }
 
@@ -375,8 +375,9 @@ void ContactModel::cover_advancing(const Pieces& pieces, int first, Lanes& s) co
 }
 
 // Leaves out pieces of which the middle of what is covered lies where the bur has been: between the lattice's cuts
-// a bur that goes to and fro would grind the same tissue each time.
-void ContactModel::leave_out_where_it_was(const Pieces& pieces, int first,
+// a bur that goes to and fro would grind the same tissue each time, and back through its own slot the lattice is off by
+// some thousandths of a voxel.
+void ContactModel::leave_out_where_it_was(const Scan& scan, const Pieces& pieces, int first,
                                           Lanes& s) const noexcept {
   const auto at = [first](const std::vector<float>& of, int p) {
     return static_cast<double>(of[static_cast<std::size_t>(first + p)]);
@@ -392,13 +393,13 @@ void ContactModel::leave_out_where_it_was(const Pieces& pieces, int first,
                  at(pieces.y, p) + along * at(pieces.ly, p) + around * at(pieces.ty, p) +
                      down * at(pieces.ny, p),
                  at(pieces.z, p) + along * at(pieces.lz, p) + down * at(pieces.nz, p));
-    for (const Been& been : been_) {
+    const auto was_over = [&](const Been& been) {
       const Vec3 there = been.turn * x + been.way;
-      if (bur_.distance(std::hypot(there.x(), there.y()), there.z()) < -kInside) {
-        s.share[p] = 0;
-        break;
-      }
-    }
+      return bur_.distance(std::hypot(there.x(), there.y()), there.z()) < -kInside;
+    };
+    if (std::any_of(been_.begin(), been_.end(), was_over) ||
+        (scan.retraced && scan.retraced->was_over(bur_, sampled_pose_.to_world(x), kInside)))
+      s.share[p] = 0;
   }
 }
 

@@ -29,6 +29,8 @@ constexpr float kAgrees = 0.015f;
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
 constexpr float kTaken = 0.01f;
+// Or where the bur went over it deeper than this (voxels).
+constexpr double kInsideSweep = 0.002;
 
 // Of a field, how much it changes over 1 mm across a border on the surface, squared.
 Float4 square_of(float half_along, const Float4& half_around, const Float4& along,
@@ -100,7 +102,7 @@ ContactModel::Wall ContactModel::look_at_wall(const Scan& scan, const CutOfPiece
 // Where the sample farther ahead finds a wall along the motion that crosses a piece, it divides the piece, whatever
 // nearer samples found.
 void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                                 const Int4& wanted, Lanes& s) noexcept {
+                                 const Int4& wanted, Lanes& s) const noexcept {
   const FourPlaces at(far.x, far.y, far.z);
   const IndexFrame& f = scan.frame;
   KeptCells cells;
@@ -165,11 +167,27 @@ Int4 ContactModel::is_deeper(const Scan& scan, const CutOfPieces& cut, const Pla
   return deeper;
 }
 
+// Whether the bur went straight over the place x, y of piece p before: of a ridge that it took between two rows of the
+// lattice's points, these don't tell.
+bool ContactModel::was_over(const Scan& scan, const CutOfPieces& cut, int p, float x, float y,
+                            const Lanes& s) const noexcept {
+  if (scan.sweeps.empty()) return false;
+  const IndexFrame& f = scan.frame;
+  const Displaced d = cut.displaced(all4(x), all4(y));
+  const Eigen::Vector3f from_tip = Eigen::Vector3f(s.ix[p], s.iy[p], s.iz[p]) -
+                                   scan.reach * s.unit + f.turned(d.x[p], d.y[p], d.z[p]);
+  const Lattice& lattice = scan.workpiece.lattice();
+  const Vec3 place = lattice.to_world(f.base) + lattice.voxel * from_tip.cast<double>();
+  return std::any_of(scan.sweeps.begin(), scan.sweeps.end(), [&](const StraightSweep& sweep) {
+    return sweep.was_over(bur_, place, kInsideSweep * lattice.voxel);
+  });
+}
+
 // Two earlier cuts leave a ridge between them. The lattice rounds it, and one border doesn't divide a piece in which
 // it lies: both walls are looked at beside it, across the motion. `there`: the cut in the pieces' middles.
 void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const FourSamples& there,
                                 const Borders& border, const Place& far, const Int4& wanted,
-                                Lanes& s) noexcept {
+                                Lanes& s) const noexcept {
   // From where the border passes the middle.
   const Float4 to_border = -border.value / greatest(square_of(cut.half_along, cut.half_around,
                                                               border.along, border.around),
@@ -220,13 +238,17 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
     ridge &= ~(known & is_deeper(scan, cut, far, crest, sides, known));
   }
   if (!any(ridge)) return;
-  s.cut.replace(ridge, cut.borders(sides[0]));
-  s.beside.replace(ridge, cut.borders(sides[1]));
+  const Borders borders[2] = {cut.borders(sides[0]), cut.borders(sides[1])};
   for (int p = 0; p < kPieces; ++p) {
     if (!ridge[p]) continue;
-    const CoveredPart<float> part = covered_by_all({s.cut.line(p), s.beside.line(p)});
-    s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
+    const CoveredPart<float> part = covered_by_all({borders[0].line(p), borders[1].line(p)});
+    if (part.share > kLeastShare && was_over(scan, cut, p, part.x, part.y, s))
+      ridge[p] = 0;
+    else
+      s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
   }
+  s.cut.replace(ridge, borders[0]);
+  s.beside.replace(ridge, borders[1]);
 }
 
 }  // namespace toothprep

@@ -39,6 +39,9 @@ constexpr float kHalfEdge = 0.5f * (kBlockEdge - 1);  // voxels, from a block's 
 constexpr double kHalfBlock = 0.5 * (kBlockEdge - 1) * kRoot3;  // and to a corner
 // A sweep is taken for a translation if no point of the head leaves its chord by more than this,
 constexpr double kStraight = 0.01;  // voxels
+// Of so many straight parts of its way the bur remembers where it was, to so many voxels.
+constexpr std::size_t kMostSweeps = 32;
+constexpr double kSweptAside = 0.002;
 // nor goes farther than its ends: what was ground beyond them and left would be ground each time.
 constexpr double kBeyondEnds = 0.01;  // voxels
 // A cut is carved in proportion to the way, a little ahead of the next one's being due. At once it
@@ -128,6 +131,7 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
       last_(pose),
       carved_at_(pose) {
   for (const SharpEdge& edge : sharp_edges(bur.profile())) edges_.emplace_back(edge);
+  sweeps_.reserve(kMostSweeps);
   way_.reserve(kMostWaypoints);
   sub_poses_.reserve(kMaxSubPoses);
   from_brick_.resize(kMaxSubPoses);
@@ -200,6 +204,7 @@ void Removal::plan() noexcept {
   const Pose end = way_[count - 1].pose;
   one_least_ = convex_ && straight;
   late_ = displacement(last_, end) > 2 * due_distance_;
+  if (one_least_) note_sweep(last_, end);
   plan_sub_poses(last_, end);
   plan_sides(last_, end);
   last_ = end;
@@ -207,6 +212,20 @@ void Removal::plan() noexcept {
   way_.erase(way_.begin(), way_.begin() + static_cast<long>(count));
   way_since_plan_ = 0;
   plan_box();
+}
+
+void Removal::note_sweep(const Pose& from, const Pose& to) noexcept {
+  const double aside = kSweptAside * workpiece_.voxel();
+  if (!sweeps_.empty()) {
+    StraightSweep& last = sweeps_.back();
+    const Vec3 end = last.from.position + last.way;
+    if (last_carved_ && (end - from.position).norm() < aside && last.lead_on(bur_, to, aside))
+      return;
+  }
+  StraightSweep sweep{from};
+  if (!sweep.lead_on(bur_, to, aside)) return;
+  if (sweeps_.size() == kMostSweeps) sweeps_.erase(sweeps_.begin());
+  sweeps_.push_back(sweep);
 }
 
 void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {

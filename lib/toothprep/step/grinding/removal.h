@@ -17,6 +17,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/grinding/edge_ridges.h"
 #include "toothprep/step/grinding/feed_sides.h"
+#include "toothprep/step/grinding/straight_sweep.h"
 #include "toothprep/step/grinding/swept_edge.h"
 #include "toothprep/step/grinding/workpiece.h"
 
@@ -43,6 +44,8 @@ class Removal {
   // `found` as far as it goes, and returns how many there are in it.
   std::size_t ahead(const Pose& pose, const Vec3& v, const Vec3& omega,
                     std::span<Pose> found) const noexcept;
+  // The straight parts of the way that it has cut, the latest last; no more than kMostSweeps.
+  std::span<const StraightSweep> sweeps() const noexcept { return sweeps_; }
   // Carves everything that is due up to `pose`, or up to where it was paused.
   void finish(const Pose& pose) noexcept;
 
@@ -76,6 +79,7 @@ class Removal {
   void add_waypoint(const Pose& pose) noexcept;
   bool cut_is_due() const noexcept;
   void plan() noexcept;
+  void note_sweep(const Pose& from, const Pose& to) noexcept;
   void plan_sub_poses(const Pose& from, const Pose& to) noexcept;
   void plan_sides(const Pose& from, const Pose& to) noexcept;
   void plan_box() noexcept;
@@ -101,15 +105,16 @@ class Removal {
   double arm_;           // mm, longest from the tip to a point of the head
   bool convex_;          // the head
   EdgeRidges ridges_;
-  std::vector<SweptEdge> edges_;  // sharp ones
-                                  // of its sweeps
-  FeedSides sides_;               // of blocks
-  Pose last_;                     // where the last planned cut ended
-  bool last_carved_ = false;      // there the head has cut, too
-  std::vector<Waypoint> way_;     // from there on; capacity reserved once
-  Pose carved_at_;                // of the last call of carve()
-  double way_since_plan_ = 0;     // mm
-  bool advanced_ = false;         // since then
+  std::vector<SweptEdge> edges_;       // sharp ones
+                                       // of its sweeps
+  FeedSides sides_;                    // of blocks
+  Pose last_;                          // where the last planned cut ended
+  bool last_carved_ = false;           // there the head has cut, too
+  std::vector<Waypoint> way_;          // from there on; capacity reserved once
+  std::vector<StraightSweep> sweeps_;  // of convex heads; capacity reserved once
+  Pose carved_at_;                     // of the last call of carve()
+  double way_since_plan_ = 0;          // mm
+  bool advanced_ = false;              // since then
   bool paused_ = false, resumes_ = false;
 
   // The cut under way: sub-poses, and the box of bricks it may touch with a cursor in it.
