@@ -25,6 +25,15 @@ constexpr double kDoubted = 0.005;  // mm of way after a cut, within which all i
 // The way's curvature is taken over so much of it, mm. What lies ahead is taken to be straight as long as that bends
 // by less than this (voxels), and no farther than this (mm).
 constexpr double kBendsOver = 0.1, kStraight = 0.005, kFarthest = 0.5;
+// It is taken for an arc where that goes so many times as far, until it has turned by this (rad).
+constexpr double kRatherArc = 1.5, kMostTurn = 0.4;
+constexpr double kLeastAside = 0.01;  // of the axis from the direction, sine squared
+
+struct Turn {
+  Vec3 by;  // rad/mm, W
+  double off;
+};
+
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
@@ -181,6 +190,9 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   for (const Pose& p : been.first(std::min(been.size(), kMostBeen)))
     been_.push_back({(p.orientation.conjugate() * pose.orientation).toRotationMatrix(),
                      p.to_local(pose.position)});
+  // v is the chord of the step to come.
+  if (pose.position != position_) step_ = (pose.position - position_).norm();
+  position_ = pose.position;
   const IndexFrame f(workpiece.lattice(), pose);
   Scan scan{workpiece,
             f,
@@ -198,12 +210,16 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
-  for (const StraightSweep& sweep : sweeps)
+  for (const StraightSweep& sweep : sweeps) {
     if (!scan.turns &&
         sweep.leads_through(bur_, pose, pose.orientation * v, kRetraced * workpiece.voxel()))
       scan.retraced = &sweep;
-  leaves_slots_ = !scan.turns && slot_ && slot_->move(scan.direction);
-  scan.straight = straight_ahead(scan);
+  }
+  look_along_way(scan);
+  std::optional<AlongWay> farther;
+  if (!scan.turning.isZero())
+    scan.farther = &farther.emplace(scan, static_cast<float>(look_ahead_));
+  leaves_slots_ = !scan.turns && !scan.farther && slot_ && slot_->move(scan.direction);
   advance(scan);
   const int candidates = choose(scan);
   contact_.clear();
@@ -235,6 +251,7 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
     for (float& left : left_) left -= gone;
   }
   way_ += way;
+  path_ += (pose.position - sampled_pose_.position).norm();
   if (!sampled_ || scan.turns != sampled_turning_)
     std::fill(settled_.begin(), settled_.end(), -1.0);
   else if (scan.cuts != sampled_cuts_)
@@ -260,20 +277,46 @@ void ContactModel::doubt_what_was_found() noexcept {
 }
 
 // How far ahead walls may be taken to run along the motion: those that earlier passes left are as straight as
-// this one has been.
-float ContactModel::straight_ahead(const Scan& scan) noexcept {
-  const double way = way_ - bend_at_;
-  if (scan.turns) {
-    bend_ = 1, bend_at_ = way_, bend_direction_ = Vec3::Zero();
-    return 0;
-  }
-  const double bent = (scan.direction - bend_direction_).norm() / kBendsOver;
-  if (way >= kBendsOver)
-    bend_ = bent * kBendsOver / way, bend_at_ = way_, bend_direction_ = scan.direction;
-  else
+// this one has been, or as bent. They bend with it where the bur's axis turns with the way, or the way about the axis.
+void ContactModel::look_along_way(Scan& scan) noexcept {
+  if (!(scan.speed > 0)) return;
+  const Quat& q = sampled_pose_.orientation;
+  const Vec3 direction = q * scan.direction, axis = q * Vec3::UnitZ();
+  const double way = path_ - bend_at_, bent = (direction - bend_direction_).norm() / kBendsOver;
+  // The turn that takes both along, per mm, if there is one; and by how much it doesn't.
+  const auto turn_over = [&](double mm) {
+    const Vec3 of_axis = bend_axis_.cross(axis) / mm,
+               rest = (direction - bend_direction_) / mm - of_axis.cross(direction),
+               aside = axis.cross(direction);
+    const double square = aside.squaredNorm();
+    const double about = square > kLeastAside ? rest.dot(aside) / square : 0;
+    return Turn{of_axis + about * axis, (rest - about * aside).norm()};
+  };
+  if (way >= kBendsOver) {
+    const Turn turn = turn_over(way);
+    swerve_ = bend_direction_.isZero() ? 1 : (turn.by - turning_).norm() + turn.off;
+    turning_ = turn.by;
+    bend_ = bent * kBendsOver / way, bend_at_ = path_;
+    bend_direction_ = direction, bend_axis_ = axis;
+  } else {
+    const Turn turn = turn_over(kBendsOver);
+    swerve_ = std::max(swerve_, (turn.by - way / kBendsOver * turning_).norm() + turn.off);
     bend_ = std::max(bend_, bent);
+  }
   const double aside = kStraight * scan.workpiece.voxel();
-  return static_cast<float>(std::min(kFarthest, std::sqrt(2 * aside / std::max(bend_, 1e-6))));
+  const auto until = [&](double bend) {
+    return std::min(kFarthest, std::sqrt(2 * aside / std::max(bend, 1e-6)));
+  };
+  const double straight = scan.turns ? 0 : until(bend_),
+               on_arc = std::min(until(swerve_), kMostTurn / std::max(turning_.norm(), 1e-6));
+  const bool bends = on_arc > kRatherArc * straight && on_arc > look_ahead_;
+  if (bends) {
+    const Vec3 turning = q.conjugate() * turning_;
+    scan.turning = turning.cast<float>();
+    scan.tangent =
+        (scan.direction - 0.5 * step_ * turning.cross(scan.direction)).normalized().cast<float>();
+  }
+  scan.straight = static_cast<float>(bends ? on_arc : straight);
 }
 
 // v·n of every element, and half its range over the element. Where the handle turns, what was found along

@@ -115,6 +115,8 @@ class ContactModel {
   struct PieceAxes;
   struct CutOfPieces;
   struct Place;
+  struct AlongWay;
+  struct FromPrint;
   struct AtBorder;
   struct Wall;
   struct Probe;
@@ -138,7 +140,7 @@ class ContactModel {
   bool holds(const Scan& scan, double way) const noexcept;
   void begin(const Scan& scan, const Pose& pose, double way) noexcept;
   void doubt_what_was_found() noexcept;
-  float straight_ahead(const Scan& scan) noexcept;
+  void look_along_way(Scan& scan) noexcept;
   void advance(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
   int add_advancing(const Scan& scan, int candidates) noexcept;
@@ -165,6 +167,10 @@ class ContactModel {
   static Float4 cover_here(const Scan& scan, const CutOfPieces& cut, Lanes& lanes) noexcept;
   void cover_ahead(const Scan& scan, const CutOfPieces& cut, const Float4& surface,
                    KeptCells& farther, Lanes& lanes) const noexcept;
+  static Place ahead_of(const Scan& scan, const Lanes& lanes, const Float4& way,
+                        const AlongWay* arc) noexcept;
+  static FromPrint from_print(const Scan& scan, const CutOfPieces& cut,
+                              const Lanes& lanes) noexcept;
   static AtBorder look_at_border(const Scan& scan, const CutOfPieces& cut, const Borders& borders,
                                  const Place& middle, const Int4& wanted) noexcept;
   static AtBorder look_at(const Scan& scan, const CutOfPieces& cut, const Float4& x,
@@ -188,7 +194,8 @@ class ContactModel {
   bool was_over(const Scan& scan, const CutOfPieces& cut, int p, float x, float y,
                 const Lanes& lanes) const noexcept;
   static Int4 is_deeper(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                        const Place& beside, const Wall (&walls)[2], const Int4& wanted) noexcept;
+                        const Displaced& beside, const Wall (&walls)[2],
+                        const Int4& wanted) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
@@ -260,9 +267,13 @@ class ContactModel {
   std::uint64_t sampled_cuts_ = 0;
   double held_ = 0;  // mm of way for which the last sample stands
   // Where the way's curvature was last taken, the direction there, and that curvature, 1/mm; it isn't known before
-  // the first of it.
+  // the first of it. As a turn, rad/mm, W, and by how much that changed.
+  double path_ = 0;  // of the tip, mm
+  Vec3 position_ = Vec3::Zero();
+  double step_ = 0;  // mm, the latest
   double bend_at_ = 0, bend_ = 1;
-  Vec3 bend_direction_ = Vec3::Zero();
+  Vec3 bend_direction_ = Vec3::Zero(), bend_axis_ = Vec3::UnitZ(), turning_ = Vec3::Zero();
+  double swerve_ = 1;
 };
 
 // Area of the elements (of a shank, or a head) whose middle lies in tissue, mm², by the nearest voxel.

@@ -67,8 +67,11 @@ struct ContactModel::CutOfPieces {
   bool may_be_ridges;  // not along straight sides, which are swept as they are
   Float4 nx, ny, nz;   // normal, B
   Float4 ux, uy, uz;   // velocity, mm/s, B
-  Float4 vl, vt;       // its direction's parts along the profile and around the axis
-  Float4 bend;         // 1/mm, of the surface along the motion, where it is convex
+  Float4 wx, wy, wz;   // as fast along the way of walls beside it, which turns with the bur's
+  Float4 pace;         // of the tip's way so much is theirs
+  Eigen::Vector3f turning = Eigen::Vector3f::Zero();  // of that way, as of Scan
+  Float4 vl, vt;  // its direction's parts along the profile and around the axis
+  Float4 bend;    // 1/mm, of the surface along the motion, where it is convex
 
   CutOfPieces(const Scan& scan, const PieceAxes& piece_axes, const WallCurvature& wall_curvature,
               const Pieces& pieces, int first, const Lanes& s)
@@ -89,9 +92,24 @@ struct ContactModel::CutOfPieces {
         ux(s.ux),
         uy(s.uy),
         uz(s.uz),
+        wx(ux),
+        wy(uy),
+        wz(uz),
+        pace(all4(1)),
         vl((ux * axes.along_x + uy * axes.along_y + uz * axes.along_z) * (per_speed / half_along)),
         vt((ux * axes.around_x + uy * axes.around_y) * (per_speed / half_around)),
-        bend(greatest(curvature_along * vl * vl + curvature_around * vt * vt, Float4{})) {}
+        bend(greatest(curvature_along * vl * vl + curvature_around * vt * vt, Float4{})) {
+    if (!scan.farther) return;
+    const Float4 x = load4(&pieces.x[first]), y = load4(&pieces.y[first]),
+                 z = load4(&pieces.z[first]);
+    turning = scan.turning;
+    wx = scan.tangent.x() + turning.y() * z - turning.z() * y;
+    wy = scan.tangent.y() + turning.z() * x - turning.x() * z;
+    wz = scan.tangent.z() + turning.x() * y - turning.y() * x;
+    pace = greatest(square_root(wx * wx + wy * wy + wz * wz), all4(kLeastExtent));
+    const Float4 speed = s.speed / pace;
+    wx *= speed, wy *= speed, wz *= speed;
+  }
 
   // To places x, y (-1 .. 1) on the pieces.
   Displaced displaced(const Float4& x, const Float4& y) const {
@@ -113,13 +131,17 @@ struct ContactModel::CutOfPieces {
   Float4 rise(const FourSamples& g) const {
     return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);
   }
-  // Across the motion and a field's gradient, in B; as long as the gradient's part across the motion.
+  // The same along the way of walls.
+  Float4 rise_on_way(const FourSamples& g) const {
+    return per_speed * (g.gx * wx + g.gy * wy + g.gz * wz);
+  }
+  // Across the way of walls and a field's gradient, in B; as long as the gradient's part across the motion.
   struct Across {
     Float4 x, y, z;
   };
   Across across(const FourSamples& g) const {
-    return {per_speed * (g.gy * uz - g.gz * uy), per_speed * (g.gz * ux - g.gx * uz),
-            per_speed * (g.gx * uy - g.gy * ux)};
+    return {per_speed * (g.gy * wz - g.gz * wy), per_speed * (g.gz * wx - g.gx * wz),
+            per_speed * (g.gx * wy - g.gy * wx)};
   }
   // Whether the curvature of the wall is known that has this field: else it is taken to be the bur's here.
   Int4 knows(const FourSamples& g) const { return walls.know(-g.gz); }
@@ -127,7 +149,7 @@ struct ContactModel::CutOfPieces {
   SweptArc::Known known(const FourSamples& g, const Across& w) const {
     const Float4 per_length =
         1 / greatest(square_root(g.gx * g.gx + g.gy * g.gy + g.gz * g.gz), all4(kFlat));
-    return {g.value, -per_length * g.gz, per_length * w.z, per_speed * uz};
+    return {g.value, -per_length * g.gz, per_length * w.z, per_speed * wz};
   }
   // The wall's curvature (1/mm) in that direction; 0 where it isn't known.
   Float4 known_curvature(const FourSamples& g, const Across& w) const {
@@ -142,6 +164,14 @@ struct ContactModel::CutOfPieces {
                  t = (axes.around_x * w.x + axes.around_y * w.y) / half_around, ll = l * l,
                  tt = t * t;
     return (curvature_along * ll + curvature_around * tt) / greatest(ll + tt, all4(kFlat));
+  }
+  // What a wall's curvature along the way is, where that is an arc: 1/mm.
+  Float4 curvature_on_way(const FourSamples& g) const {
+    const Float4 x = per_speed * wx, y = per_speed * wy, z = per_speed * wz;
+    return (g.gx * (turning.y() * z - turning.z() * y) +
+            g.gy * (turning.z() * x - turning.x() * z) +
+            g.gz * (turning.x() * y - turning.y() * x)) /
+           pace;
   }
   // By how much a wall stands out on the lattice that the surface leaves when it is swept along itself: that has no
   // curvature that way, and all of the surface's Gaussian one.
@@ -158,12 +188,19 @@ struct ContactModel::CutOfPieces {
     const Int4 known = knows(g);
     const Across w = across(g);
     const Float4 by_voxel = known_curvature(g, w) * voxel;
+    const bool on_arc = !turning.isZero();
+    const Float4 on_way = on_arc ? voxel * curvature_on_way(g) : Float4{};
     const Float4 in_cell[3] = {at.fx, at.fy, at.fz};
     for (int i = 0; i < 3; ++i) {
       const float x = frame.a[3 * i] * voxel, y = frame.a[3 * i + 1] * voxel,
                   z = frame.a[3 * i + 2] * voxel;
-      const Float4 part = x * w.x + y * w.y + z * w.z, bends = by_voxel * part * part,
-                   turn = bends * (0.5f - in_cell[i]);
+      const Float4 part = x * w.x + y * w.y + z * w.z;
+      Float4 bends = by_voxel * part * part;
+      if (on_arc) {
+        const Float4 along = per_speed * (x * wx + y * wy + z * wz);
+        bends += on_way * along * along;
+      }
+      const Float4 turn = bends * (0.5f - in_cell[i]);
       found.gx += turn * x, found.gy += turn * y, found.gz += turn * z;
       found.value += 0.5f * voxel * bends * in_cell[i] * (1 - in_cell[i]);
     }
@@ -201,7 +238,7 @@ struct ContactModel::CutOfPieces {
   Int4 is_one_wall(const FourSamples& g) const {
     const Float4 square = g.gx * g.gx + g.gy * g.gy + g.gz * g.gz;
     const Int4 one = knows(g) ? magnitude(square - 1) < kOneKnownWall : square > kOneWall;
-    return one & (kAlong * magnitude(rise(g)) < 1);
+    return one & (kAlong * magnitude(rise_on_way(g)) < 1);
   }
   // Its borders, by what it is in the middle of the pieces.
   Borders borders(const Wall& by) const {

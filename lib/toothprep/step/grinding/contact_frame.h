@@ -81,7 +81,11 @@ struct ContactModel::Scan {
   std::span<const StraightSweep> sweeps;
   const StraightSweep* retraced;  // one of them that the bur moves along again, or none
   Vec3 direction;                 // of v, B
-  float straight = 0;             // mm: so far ahead walls may run along v
+  float straight = 0;  // mm: so far ahead walls may run along the way that goes on as it does
+  Eigen::Vector3f turning =
+      Eigen::Vector3f::Zero();  // rad/mm, B: by how much that way turns, as on an arc
+  Eigen::Vector3f tangent = Eigen::Vector3f::Zero();  // of that arc here, B
+  const AlongWay* farther = nullptr;  // where elements look for walls of other cuts, if it turns
   Eigen::Vector3f unit = Eigen::Vector3f::Zero();  // the same, voxels per mm
 
   Eigen::Vector3f unit_of(const Eigen::Vector3f& u, float of_speed) const {
@@ -91,22 +95,8 @@ struct ContactModel::Scan {
   Eigen::Vector3f velocity_at(float x, float y, float z) const {
     return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
   }
-  // Air isn't carved, so ahead of where the tooth ends no cut tells of earlier slots: of so much way (mm) from a place
-  // (voxels, from the tip's) the whole, half, a quarter or an eighth, the longest with a cut a little beyond it.
   float known_way(const Eigen::Vector3f& from, const Eigen::Vector3f& along,
-                  float way) const noexcept {
-    constexpr int kHalvings = 3;
-    constexpr float kBeyond = 3;  // voxels
-    const float beyond = kBeyond * static_cast<float>(workpiece.voxel());
-    for (int n = 0; n < kHalvings; ++n, way *= 0.5f) {
-      const Eigen::Vector3f at = from + (way + beyond) * along;
-      const std::int64_t brick = workpiece.cut().brick_index(frame.base.x() + cell_of(at.x()),
-                                                             frame.base.y() + cell_of(at.y()),
-                                                             frame.base.z() + cell_of(at.z()));
-      if (brick >= 0 && !workpiece.air(static_cast<std::size_t>(brick))) return way;
-    }
-    return way;
-  }
+                  float way) const noexcept;
 };
 
 // A field at an index position, from the tip's voxel.
@@ -147,16 +137,78 @@ inline float share_inside(float value, float extent) {
   return std::min(std::max(share, 0.0f), 1.0f);
 }
 
-// Of four pieces, in voxels.
+// Of four pieces, in voxels, and how B lies there.
 struct ContactModel::Place {
+  const IndexFrame& frame;
   Float4 x, y, z;
   // Those beside them, by mm in B.
-  FourPlaces beside(const IndexFrame& f, const Float4& dx, const Float4& dy,
-                    const Float4& dz) const {
-    const float* a = f.a;
+  FourPlaces beside(const Float4& dx, const Float4& dy, const Float4& dz) const {
+    const float* a = frame.a;
     return {x + (a[0] * dx + a[1] * dy + a[2] * dz), y + (a[3] * dx + a[4] * dy + a[5] * dz),
             z + (a[6] * dx + a[7] * dy + a[8] * dz)};
   }
+};
+
+// So far ahead on a way that goes on to turn as on an arc. What earlier passes left beside it along such arcs is there
+// what it is here, turned with the way: so are places beside the bur, and B.
+struct ContactModel::AlongWay {
+  IndexFrame frame;       // B, turned
+  Eigen::Matrix3f turn;   // of places from the tip, voxels
+  Eigen::Vector3f shift;  // of the tip, voxels
+
+  // `way`: mm; it turns by no more than half a radian over that.
+  AlongWay(const Scan& scan, float way) : frame(scan.frame) {
+    using Rows = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+    const Eigen::Matrix3f to_index = Eigen::Map<const Rows>(scan.frame.a);
+    const Eigen::Vector3f& t = scan.tangent;
+    // Integrals of a turn, by series: no library's sine is in a result.
+    const float square = scan.turning.squaredNorm() * way * way,
+                sine = way * (1 - square / 6 * (1 - square / 20)),
+                cosine = way * way / 2 * (1 - square / 12 * (1 - square / 30)),
+                rest = way * way * way / 6 * (1 - square / 20);
+    Eigen::Matrix3f cross;
+    cross << 0, -scan.turning.z(), scan.turning.y(), scan.turning.z(), 0, -scan.turning.x(),
+        -scan.turning.y(), scan.turning.x(), 0;
+    const Eigen::Matrix3f in_bur =
+        sine * cross + cosine * (cross * cross) + Eigen::Matrix3f::Identity();
+    const float voxel = static_cast<float>(scan.workpiece.voxel());
+    Eigen::Map<Rows>(frame.a) = to_index * in_bur;
+    turn = voxel * voxel * (to_index * in_bur * to_index.transpose());
+    shift = to_index * (way * t + cosine * (cross * t) + rest * (cross * (cross * t)));
+  }
+  // From places on the bur.
+  Eigen::Vector3f of(const Eigen::Vector3f& x) const {
+    const Eigen::Vector3f tip(frame.fx, frame.fy, frame.fz);
+    return tip + shift + turn * (x - tip);
+  }
+  Place of(const Float4& x, const Float4& y, const Float4& z) const {
+    const Float4 dx = x - frame.fx, dy = y - frame.fy, dz = z - frame.fz;
+    return {frame, frame.fx + shift.x() + turn(0, 0) * dx + turn(0, 1) * dy + turn(0, 2) * dz,
+            frame.fy + shift.y() + turn(1, 0) * dx + turn(1, 1) * dy + turn(1, 2) * dz,
+            frame.fz + shift.z() + turn(2, 0) * dx + turn(2, 1) * dy + turn(2, 2) * dz};
+  }
+};
+
+// Air isn't carved, so ahead of where the tooth ends no cut tells of earlier slots: of so much way (mm) from a place
+// (voxels, from the tip's) the whole, half, a quarter or an eighth, the longest with a cut a little beyond it.
+inline float ContactModel::Scan::known_way(const Eigen::Vector3f& from,
+                                           const Eigen::Vector3f& along, float way) const noexcept {
+  constexpr int kHalvings = 3;
+  constexpr float kBeyond = 3;  // voxels
+  const float beyond = kBeyond * static_cast<float>(workpiece.voxel());
+  for (int n = 0; n < kHalvings; ++n, way *= 0.5f) {
+    const Eigen::Vector3f at = farther ? AlongWay(*this, way + beyond).of(from)
+                                       : Eigen::Vector3f(from + (way + beyond) * along);
+    const std::int64_t brick = workpiece.cut().brick_index(frame.base.x() + cell_of(at.x()),
+                                                           frame.base.y() + cell_of(at.y()),
+                                                           frame.base.z() + cell_of(at.z()));
+    if (brick >= 0 && !workpiece.air(static_cast<std::size_t>(brick))) return way;
+  }
+  return way;
+}
+
+struct ContactModel::FromPrint {
+  Float4 advance, bend;
 };
 
 // What the cut is found to be at the places x, y (-1 .. 1) of four pieces: gradients in B, per mm.

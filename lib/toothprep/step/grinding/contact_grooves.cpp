@@ -39,8 +39,8 @@ struct ContactModel::Probe {
   // x, y, z: mm, B, from there.
   Probe(const Scan& scan, const Place& middle, const Float4& x, const Float4& y, const Float4& z,
         const Int4& wanted) {
-    const IndexFrame& f = scan.frame;
-    const FourPlaces at = middle.beside(f, x, y, z);
+    const IndexFrame& f = middle.frame;
+    const FourPlaces at = middle.beside(x, y, z);
     cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
                wanted);
     fx = at.fx, fy = at.fy, fz = at.fz;
@@ -55,7 +55,7 @@ struct ContactModel::Probe {
 Int4 ContactModel::is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
                              const Probe& other) noexcept {
   const auto stands_alone = [&](const FourSamples& g) {
-    return (dot(g, g) > kLeastSlope) & (kAlong * magnitude(cut.rise(g)) < 1);
+    return (dot(g, g) > kLeastSlope) & (kAlong * magnitude(cut.rise_on_way(g)) < 1);
   };
   const Int4 two =
       stands_alone(one.sample) & stands_alone(other.sample) &
@@ -88,13 +88,13 @@ void ContactModel::cover_grooves(const Scan& scan, const CutOfPieces& cut, const
                // From beside a wall the field doesn't tell of a floor at the bur's own edge.
       to_edge = s.at_edge ? all4(cut.half_along) : Float4{};
   // Across the motion: as near to the profile's direction as may be, and beside that.
-  const Float4 ux = cut.per_speed * cut.ux, uy = cut.per_speed * cut.uy,
-               uz = cut.per_speed * cut.uz;
+  const Float4 ux = cut.per_speed * cut.wx, uy = cut.per_speed * cut.wy,
+               uz = cut.per_speed * cut.wz;
   Float4 lx = axes.along_x / cut.half_along - cut.vl * ux,
          ly = axes.along_y / cut.half_along - cut.vl * uy,
          lz = axes.along_z / cut.half_along - cut.vl * uz;
   const Float4 length = square_root(lx * lx + ly * ly + lz * lz);
-  Int4 left = wanted & (kAlong * magnitude(cut.rise(middle.sample)) < 1) &
+  Int4 left = wanted & (kAlong * magnitude(cut.rise_on_way(middle.sample)) < 1) &
               (magnitude(middle.sample.value) < greatest(reach, to_edge) + rounded) &
               (length > kLeastAside);
   const Float4 per_length = 1 / greatest(length, all4(kLeastAside));

@@ -178,15 +178,21 @@ bool ContactModel::floor_at_edge(const Scan& scan, int p, const Look& s) const n
   const auto voxel = static_cast<float>(scan.workpiece.voxel());
   if (field_at(cut, scan.frame.base, end).value < -kRounded * voxel) return true;
   // The wall rounds the floor. Beside it, across the motion and clear of the bur's own print, the floor stands alone.
-  const float far = scan.known_way(end - s.ahead[p], s.unit[p], scan.straight) - scan.reach;
+  const float ahead = scan.known_way(end - s.ahead[p], s.unit[p], scan.straight),
+              far = ahead - scan.reach;
   const Eigen::Vector3f profile = scan.frame.turned(e.lx[i], e.ly[i], e.lz[i]),
                         across = s.unit[p].cross(profile);
   if (!(far > 0) || !(across.norm() > kAcrossProfile * s.unit[p].norm() * profile.norm()))
     return false;
+  std::optional<AlongWay> arc;
+  if (scan.farther) arc.emplace(scan, ahead);
   for (const float voxels : {-kBesideEdge, kBesideEdge}) {
     const Eigen::Vector3f aside = voxels * across.normalized();
-    const FieldSample floor = field_at(cut, scan.frame.base, end + far * s.unit[p] + aside);
-    const Eigen::Vector3f g(floor.gx, floor.gy, floor.gz);
+    const FieldSample floor = field_at(cut, scan.frame.base,
+                                       arc ? arc->of(Eigen::Vector3f(end - s.ahead[p] + aside))
+                                           : Eigen::Vector3f(end + far * s.unit[p] + aside));
+    Eigen::Vector3f g(floor.gx, floor.gy, floor.gz);
+    if (arc) g = arc->turn.transpose() * g;
     const float rise = g.dot(s.unit[p].normalized());
     if (g.squaredNorm() > kSteep * voxel * voxel && kAlongFloor * std::abs(rise) < voxel &&
         floor.value - g.dot(aside) < -kThinFloor * voxel)
@@ -212,10 +218,14 @@ void ContactModel::look_for_tissue(const Scan& scan, int p, Look& s) noexcept {
 void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
   const Int4 hidden = s.remains & (s.value <= -s.extent) & (s.clear < 0);
   if (!any(hidden)) return;
-  const IndexFrame& f = scan.frame;
-  const float farther = static_cast<float>(look_ahead_) - scan.reach;
-  const FourPlaces at(s.at_x + farther * s.unit_x, s.at_y + farther * s.unit_y,
-                      s.at_z + farther * s.unit_z);
+  const float farther = static_cast<float>(look_ahead_) - scan.reach, reach = scan.reach;
+  const Place place = scan.farther
+                          ? scan.farther->of(s.at_x - reach * s.unit_x, s.at_y - reach * s.unit_y,
+                                             s.at_z - reach * s.unit_z)
+                          : Place{scan.frame, s.at_x + farther * s.unit_x,
+                                  s.at_y + farther * s.unit_y, s.at_z + farther * s.unit_z};
+  const IndexFrame& f = place.frame;
+  const FourPlaces at(place.x, place.y, place.z);
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), hidden);
   const FourSamples cut = f.gradients(cells.at(at.fx, at.fy, at.fz));

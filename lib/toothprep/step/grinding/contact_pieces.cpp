@@ -199,7 +199,7 @@ Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes&
   const Int4 crossed =
       s.live & ~meets & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
   if (cut.may_be_ridges && any(crossed)) {
-    const AtBorder at = look_at_border(scan, cut, s.cut, {s.ix, s.iy, s.iz}, crossed);
+    const AtBorder at = look_at_border(scan, cut, s.cut, {scan.frame, s.ix, s.iy, s.iz}, crossed);
     s.cut.replace(crossed,
                   cut.borders(cut.at_surface(at.sample, scan.reach), at.sample, at.x, at.y));
   }
@@ -280,29 +280,53 @@ ContactModel::AtBorder ContactModel::look_at_border(const Scan& scan, const CutO
 ContactModel::AtBorder ContactModel::look_at(const Scan& scan, const CutOfPieces& cut,
                                              const Float4& x, const Float4& y, const Place& middle,
                                              const Int4& wanted) noexcept {
-  const IndexFrame& f = scan.frame;
+  const IndexFrame& f = middle.frame;
   const Displaced d = cut.displaced(x, y);
-  const FourPlaces at = middle.beside(f, d.x, d.y, d.z);
+  const FourPlaces at = middle.beside(d.x, d.y, d.z);
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
   return {x, y, f.gradients(cells.at(at.fx, at.fy, at.fz))};
 }
 
+// The middles of the pieces so far ahead (mm), straight on or along an arc.
+ContactModel::Place ContactModel::ahead_of(const Scan& scan, const Lanes& s, const Float4& way,
+                                           const AlongWay* arc) noexcept {
+  if (!arc) {
+    const Float4 far = way - scan.reach;
+    return {scan.frame, s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
+  }
+  return arc->of(s.ix - s.ahead.x(), s.iy - s.ahead.y(), s.iz - s.ahead.z());
+}
+
+// How a place of the surface gets away from the bur's own print on the way: by `advance` of it and `bend` (1/mm) of half its
+// square.
+ContactModel::FromPrint ContactModel::from_print(const Scan& scan, const CutOfPieces& cut,
+                                                 const Lanes& s) noexcept {
+  if (!scan.farther) return {greatest(s.advance * cut.per_speed, Float4{}), cut.bend};
+  const Float4 pace = cut.per_speed * cut.pace, x = pace * cut.wx, y = pace * cut.wy,
+               z = pace * cut.wz;
+  const Eigen::Vector3f& t = scan.turning;
+  const Float4 towards = cut.nx * (t.y() * z - t.z() * y) + cut.ny * (t.z() * x - t.x() * z) +
+                         cut.nz * (t.x() * y - t.y() * x);
+  return {greatest(cut.nx * x + cut.ny * y + cut.nz * z, Float4{}),
+          greatest(cut.pace * cut.pace * cut.bend + towards, Float4{})};
+}
+
 // The same farther ahead; the cells of the samples at the surface stay.
 void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const Float4& surface,
                                KeptCells& farther, Lanes& s) const noexcept {
-  const IndexFrame& f = scan.frame;
   const PieceAxes& axes = cut.axes;
   const float ka = cut.curvature_along, voxel = cut.voxel;
   const Float4& kt = cut.curvature_around;
   const float look_ahead = static_cast<float>(look_ahead_), look = look_ahead - scan.reach;
-  const Place middle{s.ix + look * s.unit.x(), s.iy + look * s.unit.y(), s.iz + look * s.unit.z()};
+  const Place middle = ahead_of(scan, s, all4(look_ahead), scan.farther);
+  const IndexFrame& f = middle.frame;
   const FourPlaces at(middle.x, middle.y, middle.z);
   farther.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), s.live,
                scan.cuts);
   const FourSamples there = f.gradients(farther.cells.at(at.fx, at.fy, at.fz));
   const Float4 value = farther.live ? there.value + cut.wall : all4(-1e3f);
-  const Float4 rise = cut.rise(there), back = value - look_ahead * rise;
+  const Float4 rise = cut.rise_on_way(there), back = value - look_ahead * rise;
   const Float4 range_along = axes.along(there), range_around = axes.around(there);
   const Float4 towards_edge = range_along * range_along;
   // What an edge left runs along the motion.
@@ -312,7 +336,7 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
                                                   all4(kLeastExtent * kLeastExtent))
                                    : Float4{};
   const Float4 fresh =
-      (kFresh * 0.5f * look * look) * cut.bend +
+      (kFresh * 0.5f * look * look) * from_print(scan, cut, s).bend +
       (s.at_edge ? all4(kFresh * look * cut.per_speed) : Float4{}) * greatest(s.advance, Float4{});
   // Of a flat end only beside the axis, where floor and wall of its slot meet.
   const Float4 beside = kt != 0 ? all4(1) : greatest(1 - kBeside * cut.vl * cut.vl, Float4{});

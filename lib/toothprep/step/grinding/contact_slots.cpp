@@ -102,7 +102,7 @@ struct ContactModel::Slots {
   void read(int cell, const Float4& x, const Float4& y, const Int4& wanted) {
     const Displaced d = cut.displaced(x, y);
     const IndexFrame& f = scan.frame;
-    const FourPlaces at = far.beside(f, d.x, d.y, d.z);
+    const FourPlaces at = far.beside(d.x, d.y, d.z);
     cells[cell].read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
                      wanted);
     first[cell] = place(x, y) - (at.fx * side[0] + at.fy * side[1] + at.fz * side[2]);

@@ -52,22 +52,31 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   // The print falls behind by `advance` of the way, and by its curvature along the motion. With fine voxels it is out of
   // the way at the sample a little ahead, which doesn't tell of ridges.
   const auto look_ahead = static_cast<float>(look_ahead_);
-  const Float4 advance = greatest(s.advance * cut.per_speed, Float4{});
+  const FromPrint from = from_print(scan, cut, s);
+  const Float4 &advance = from.advance, &bend = from.bend;
   const auto way_from_print = [&](float voxels) {
     const float away = voxels * cut.voxel;
-    Float4 way = 2 * away /
-                 greatest(advance + square_root(advance * advance + 2 * away * cut.bend),
-                          all4(kLeastExtent));
+    Float4 way =
+        2 * away /
+        greatest(advance + square_root(advance * advance + 2 * away * bend), all4(kLeastExtent));
     way = least(greatest(way, all4(look_ahead)), all4(scan.straight));
     const Eigen::Vector3f back = scan.reach * s.unit;
     for (int p = 0; p < kPieces; ++p)
       if (others[p])
         way[p] = scan.known_way(Eigen::Vector3f(s.ix[p], s.iy[p], s.iz[p]) - back, s.unit, way[p]);
+    if (scan.farther) {
+      // On an arc all of them as far as the farthest.
+      float farthest = 0;
+      for (int p = 0; p < kPieces; ++p)
+        if (others[p]) farthest = std::max(farthest, way[p]);
+      way = all4(farthest);
+    }
     return way;
   };
+  std::optional<AlongWay> arc;
   const auto ahead = [&](const Float4& way) {
-    const Float4 far = way - scan.reach;
-    return Place{s.ix + far * s.unit.x(), s.iy + far * s.unit.y(), s.iz + far * s.unit.z()};
+    if (scan.farther) arc.emplace(scan, way[0]);
+    return ahead_of(scan, s, way, arc ? &*arc : nullptr);
   };
   const Float4 way = way_from_print(kFromPrint);
   const Int4 clear = way >= look_ahead;
@@ -76,9 +85,8 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
     Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
     for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
     if (leaves_slots_ && any(beside_slots))
-      others &=
-          ~cover_by_slots(scan, cut, ahead(way_there),
-                          way_there * (advance + 0.5f * cut.bend * way_there), beside_slots, s);
+      others &= ~cover_by_slots(scan, cut, ahead(way_there),
+                                way_there * (advance + 0.5f * bend * way_there), beside_slots, s);
     if (any(others & clear)) cover_grooves(scan, cut, ahead(way_there), others & clear, s);
     others &= ~s.groove;
   }
@@ -90,8 +98,8 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
 ContactModel::Wall ContactModel::look_at_wall(const Scan& scan, const CutOfPieces& cut,
                                               const Displaced& at, const Place& far,
                                               const Int4& wanted) noexcept {
-  const IndexFrame& f = scan.frame;
-  const FourPlaces places = far.beside(f, at.x, at.y, at.z);
+  const IndexFrame& f = far.frame;
+  const FourPlaces places = far.beside(at.x, at.y, at.z);
   FourCells cells;
   cells.read(scan.workpiece.cut(), places.x + f.base.x(), places.y + f.base.y(),
              places.z + f.base.z(), wanted);
@@ -104,13 +112,13 @@ ContactModel::Wall ContactModel::look_at_wall(const Scan& scan, const CutOfPiece
 void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far,
                                  const Int4& wanted, Lanes& s) const noexcept {
   const FourPlaces at(far.x, far.y, far.z);
-  const IndexFrame& f = scan.frame;
+  const IndexFrame& f = far.frame;
   KeptCells cells;
   cells.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted,
              scan.cuts);
   const FourSamples there = cut.wall_at(f, at, f.gradients(cells.cells.at(at.fx, at.fy, at.fz)));
   Borders border = cut.borders(there.value, there, Float4{}, Float4{});
-  const Int4 along = wanted & cells.live & (kAlong * magnitude(cut.rise(there)) < 1);
+  const Int4 along = wanted & cells.live & (kAlong * magnitude(cut.rise_on_way(there)) < 1);
   const Float4 reach = kMayCross * (magnitude(border.along) + magnitude(border.around)),
                away = magnitude(there.value);
   const Int4 crossed = along & (away < reach) & cut.is_one_wall(there), known = cut.knows(there);
@@ -143,10 +151,10 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
 
 // Whether the cut is deeper around places beside the middles `far` (mm, B) than two walls alone would be.
 Int4 ContactModel::is_deeper(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                             const Place& beside, const Wall (&walls)[2],
+                             const Displaced& beside, const Wall (&walls)[2],
                              const Int4& wanted) noexcept {
-  const IndexFrame& f = scan.frame;
-  const FourPlaces at = far.beside(f, beside.x, beside.y, beside.z);
+  const IndexFrame& f = far.frame;
+  const FourPlaces at = far.beside(beside.x, beside.y, beside.z);
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), wanted);
   const float square = cut.voxel * cut.voxel;
@@ -232,9 +240,9 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
   const Int4 known = ridge & cut.knows(sides[0].sample) & cut.knows(sides[1].sample);
   if (any(known)) {
     const Float4 way = other / least(one + other, apart);
-    const Place crest{sides[0].x + way * (sides[1].x - sides[0].x),
-                      sides[0].y + way * (sides[1].y - sides[0].y),
-                      sides[0].z + way * (sides[1].z - sides[0].z)};
+    const Displaced crest{sides[0].x + way * (sides[1].x - sides[0].x),
+                          sides[0].y + way * (sides[1].y - sides[0].y),
+                          sides[0].z + way * (sides[1].z - sides[0].z)};
     ridge &= ~(known & is_deeper(scan, cut, far, crest, sides, known));
   }
   if (!any(ridge)) return;
