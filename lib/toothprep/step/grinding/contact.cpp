@@ -27,11 +27,12 @@ constexpr double kDoubted = 0.005;  // mm of way after a cut, within which all i
 constexpr double kBendsOver = 0.1, kStraight = 0.005, kFarthest = 0.5;
 // It is taken for an arc where that goes so many times as far, until it has turned by this (rad).
 constexpr double kRatherArc = 1.5, kMostTurn = 0.4;
+constexpr double kCorner = 0.3;       // rad; turns more suddenly
 constexpr double kLeastAside = 0.01;  // of the axis from the direction, sine squared
 
 struct Turn {
-  Vec3 by;  // rad/mm, W
-  double off;
+  Vec3 by;     // rad/mm, W
+  double off;  // rad/mm, of the direction, that it doesn't explain
 };
 
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
@@ -277,7 +278,8 @@ void ContactModel::doubt_what_was_found() noexcept {
 }
 
 // How far ahead walls may be taken to run along the motion: those that earlier passes left are as straight as
-// this one has been, or as bent. They bend with it where the bur's axis turns with the way, or the way about the axis.
+// this one has been, or as bent. A wall is round about the centre of the path's arc if the bur's axis turns with the path,
+// or the path turns about that axis; what neither explains counts as swerving.
 void ContactModel::look_along_way(Scan& scan) noexcept {
   if (!(scan.speed > 0)) return;
   const Quat& q = sampled_pose_.orientation;
@@ -292,23 +294,34 @@ void ContactModel::look_along_way(Scan& scan) noexcept {
     const double about = square > kLeastAside ? rest.dot(aside) / square : 0;
     return Turn{of_axis + about * axis, (rest - about * aside).norm()};
   };
+  double bend = bend_, swerve = swerve_;
   if (way >= kBendsOver) {
     const Turn turn = turn_over(way);
-    swerve_ = bend_direction_.isZero() ? 1 : (turn.by - turning_).norm() + turn.off;
+    swerve = bend_direction_.isZero() ? 1 : (turn.by - turning_).norm() + turn.off;
     turning_ = turn.by;
-    bend_ = bent * kBendsOver / way, bend_at_ = path_;
+    bend = bent * kBendsOver / way, bend_at_ = path_;
     bend_direction_ = direction, bend_axis_ = axis;
   } else {
     const Turn turn = turn_over(kBendsOver);
-    swerve_ = std::max(swerve_, (turn.by - way / kBendsOver * turning_).norm() + turn.off);
-    bend_ = std::max(bend_, bent);
+    swerve = std::max(swerve, (turn.by - way / kBendsOver * turning_).norm() + turn.off);
+    bend = std::max(bend, bent);
   }
+  // Where a bur that stands would go says nothing of its path.
+  if (path_ > looked_along_) {
+    bend_ = bend, swerve_ = swerve;
+    // At a corner it begins anew, so that what follows doesn't depend on what was before.
+    if (bent * kBendsOver > kCorner) {
+      turning_ = Vec3::Zero(), bend_at_ = path_;
+      bend_direction_ = direction, bend_axis_ = axis;
+    }
+  }
+  looked_along_ = path_;
   const double aside = kStraight * scan.workpiece.voxel();
-  const auto until = [&](double bend) {
-    return std::min(kFarthest, std::sqrt(2 * aside / std::max(bend, 1e-6)));
+  const auto until = [&](double rate) {
+    return std::min(kFarthest, std::sqrt(2 * aside / std::max(rate, 1e-6)));
   };
-  const double straight = scan.turns ? 0 : until(bend_),
-               on_arc = std::min(until(swerve_), kMostTurn / std::max(turning_.norm(), 1e-6));
+  const double straight = scan.turns ? 0 : until(bend),
+               on_arc = std::min(until(swerve), kMostTurn / std::max(turning_.norm(), 1e-6));
   const bool bends = on_arc > kRatherArc * straight && on_arc > look_ahead_;
   if (bends) {
     const Vec3 turning = q.conjugate() * turning_;

@@ -15,7 +15,7 @@
 // The level set of the cut is the deepest of all cuts, and the bur's own last cut, a voxel or two
 // behind it, can hide the wall of an earlier one from the sample at the surface. So a second sample,
 // farther ahead, looks for it, and a third one where the print is near there too: a wall that runs along
-// the motion is the same there, and where two of them meet in a ridge or a groove, which the lattice rounds,
+// the motion is the same there (on a path that bends as an arc they lie on that), and where two of them meet in a ridge or a groove, which the lattice rounds,
 // each is looked at beside it. Where the surface is nearly parallel to the motion the second sample also tells
 // fresh tissue, which the bur's own last cut bends away from, from the wall of a slot that is passed again.
 //
@@ -273,7 +273,7 @@ class ContactModel {
   double step_ = 0;  // mm, the latest
   double bend_at_ = 0, bend_ = 1;
   Vec3 bend_direction_ = Vec3::Zero(), bend_axis_ = Vec3::UnitZ(), turning_ = Vec3::Zero();
-  double swerve_ = 1;
+  double swerve_ = 1, looked_along_ = -1;  // the latter as path_
 };
 
 // Area of the elements (of a shank, or a head) whose middle lies in tissue, mm², by the nearest voxel.

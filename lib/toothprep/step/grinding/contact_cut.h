@@ -67,9 +67,10 @@ struct ContactModel::CutOfPieces {
   bool may_be_ridges;  // not along straight sides, which are swept as they are
   Float4 nx, ny, nz;   // normal, B
   Float4 ux, uy, uz;   // velocity, mm/s, B
-  Float4 wx, wy, wz;   // as fast along the way of walls beside it, which turns with the bur's
-  Float4 pace;         // of the tip's way so much is theirs
-  Eigen::Vector3f turning = Eigen::Vector3f::Zero();  // of that way, as of Scan
+  Float4 wx, wy,
+      wz;  // as long, along walls that earlier passes left: on an arc these run about its centre
+  Float4 pace;                                        // way along them per way of the tip
+  Eigen::Vector3f turning = Eigen::Vector3f::Zero();  // as of Scan
   Float4 vl, vt;  // its direction's parts along the profile and around the axis
   Float4 bend;    // 1/mm, of the surface along the motion, where it is convex
 
@@ -131,11 +132,11 @@ struct ContactModel::CutOfPieces {
   Float4 rise(const FourSamples& g) const {
     return per_speed * (g.gx * ux + g.gy * uy + g.gz * uz);
   }
-  // The same along the way of walls.
+  // The same along walls.
   Float4 rise_on_way(const FourSamples& g) const {
     return per_speed * (g.gx * wx + g.gy * wy + g.gz * wz);
   }
-  // Across the way of walls and a field's gradient, in B; as long as the gradient's part across the motion.
+  // Across walls' direction and a field's gradient, in B; as long as the gradient's part across the motion.
   struct Across {
     Float4 x, y, z;
   };
@@ -165,7 +166,7 @@ struct ContactModel::CutOfPieces {
                  tt = t * t;
     return (curvature_along * ll + curvature_around * tt) / greatest(ll + tt, all4(kFlat));
   }
-  // What a wall's curvature along the way is, where that is an arc: 1/mm.
+  // Of a wall along an arc, about whose centre it is round: its curvature that way, 1/mm, positive where it is concave.
   Float4 curvature_on_way(const FourSamples& g) const {
     const Float4 x = per_speed * wx, y = per_speed * wy, z = per_speed * wz;
     return (g.gx * (turning.y() * z - turning.z() * y) +

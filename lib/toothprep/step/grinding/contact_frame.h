@@ -149,8 +149,8 @@ struct ContactModel::Place {
   }
 };
 
-// So far ahead on a way that goes on to turn as on an arc. What earlier passes left beside it along such arcs is there
-// what it is here, turned with the way: so are places beside the bur, and B.
+// A place farther along a path that bends as an arc. What earlier passes left on concentric arcs is round about the same
+// centre: turned about it, B and what lies beside the bur meet there what they will meet here.
 struct ContactModel::AlongWay {
   IndexFrame frame;       // B, turned
   Eigen::Matrix3f turn;   // of places from the tip, voxels
@@ -207,6 +207,7 @@ inline float ContactModel::Scan::known_way(const Eigen::Vector3f& from,
   return way;
 }
 
+// See from_print().
 struct ContactModel::FromPrint {
   Float4 advance, bend;
 };
