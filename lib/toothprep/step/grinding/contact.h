@@ -15,8 +15,8 @@
 // The level set of the cut is the deepest of all cuts, and the bur's own last cut, a voxel or two
 // behind it, can hide the wall of an earlier one from the sample at the surface. So a second sample,
 // farther ahead, looks for it, and a third one where the print is near there too: a wall that runs along
-// the motion is the same there (on a path that bends as an arc they lie on that), and where two of them meet in a ridge or a groove, which the lattice rounds,
-// each is looked at beside it. Where the surface is nearly parallel to the motion the second sample also tells
+// the motion is the same there (on a path that bends as an arc both samples lie on that), and where two of them meet
+// in a ridge or a groove, which the lattice rounds, each is looked at beside it. Where the surface is nearly parallel to the motion the second sample also tells
 // fresh tissue, which the bur's own last cut bends away from, from the wall of a slot that is passed again.
 //
 // Where two walls meet within a piece, the value in its middle doesn't tell where it is divided; it is looked

@@ -67,9 +67,8 @@ struct ContactModel::CutOfPieces {
   bool may_be_ridges;  // not along straight sides, which are swept as they are
   Float4 nx, ny, nz;   // normal, B
   Float4 ux, uy, uz;   // velocity, mm/s, B
-  Float4 wx, wy,
-      wz;  // as long, along walls that earlier passes left: on an arc these run about its centre
-  Float4 pace;                                        // way along them per way of the tip
+  Float4 wx, wy, wz;   // as long, along earlier walls: on an arc about its centre
+  Float4 pace;         // way along them per way of the tip
   Eigen::Vector3f turning = Eigen::Vector3f::Zero();  // as of Scan
   Float4 vl, vt;  // its direction's parts along the profile and around the axis
   Float4 bend;    // 1/mm, of the surface along the motion, where it is convex

@@ -344,7 +344,7 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
       kWallAtMost * voxel * voxel * (ka + kt) + kEdgeStandsOut * voxel * of_edge * beside;
   Float4 hidden = least(least(value, back), surface);
   if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, voxel);
-  s.note_crossing(s.live, hidden, range_along, range_around, rise);
+  s.note_crossing(s.live, hidden, range_along, range_around, cut.rise(there));
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
   const Float4 tells = parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden;
   Borders ahead = cut.borders(tells, there, Float4{}, Float4{});
