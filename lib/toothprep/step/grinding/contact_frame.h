@@ -95,8 +95,23 @@ struct ContactModel::Scan {
   Eigen::Vector3f velocity_at(float x, float y, float z) const {
     return turns ? Eigen::Vector3f(v + omega.cross(Eigen::Vector3f(x, y, z))) : v;
   }
+  // Air isn't carved, so ahead of where the tooth ends no cut tells of earlier slots: of so much way (mm) from a place
+  // (voxels, from the tip's) the whole, half, a quarter or an eighth, the longest with a cut a little beyond it. On an
+  // arc, too, that is looked for straight ahead.
   float known_way(const Eigen::Vector3f& from, const Eigen::Vector3f& along,
-                  float way) const noexcept;
+                  float way) const noexcept {
+    constexpr int kHalvings = 3;
+    constexpr float kBeyond = 3;  // voxels
+    const float beyond = kBeyond * static_cast<float>(workpiece.voxel());
+    for (int n = 0; n < kHalvings; ++n, way *= 0.5f) {
+      const Eigen::Vector3f at = from + (way + beyond) * along;
+      const std::int64_t brick = workpiece.cut().brick_index(frame.base.x() + cell_of(at.x()),
+                                                             frame.base.y() + cell_of(at.y()),
+                                                             frame.base.z() + cell_of(at.z()));
+      if (brick >= 0 && !workpiece.air(static_cast<std::size_t>(brick))) return way;
+    }
+    return way;
+  }
 };
 
 // A field at an index position, from the tip's voxel.
@@ -188,24 +203,6 @@ struct ContactModel::AlongWay {
             frame.fz + shift.z() + turn(2, 0) * dx + turn(2, 1) * dy + turn(2, 2) * dz};
   }
 };
-
-// Air isn't carved, so ahead of where the tooth ends no cut tells of earlier slots: of so much way (mm) from a place
-// (voxels, from the tip's) the whole, half, a quarter or an eighth, the longest with a cut a little beyond it.
-inline float ContactModel::Scan::known_way(const Eigen::Vector3f& from,
-                                           const Eigen::Vector3f& along, float way) const noexcept {
-  constexpr int kHalvings = 3;
-  constexpr float kBeyond = 3;  // voxels
-  const float beyond = kBeyond * static_cast<float>(workpiece.voxel());
-  for (int n = 0; n < kHalvings; ++n, way *= 0.5f) {
-    const Eigen::Vector3f at = farther ? AlongWay(*this, way + beyond).of(from)
-                                       : Eigen::Vector3f(from + (way + beyond) * along);
-    const std::int64_t brick = workpiece.cut().brick_index(frame.base.x() + cell_of(at.x()),
-                                                           frame.base.y() + cell_of(at.y()),
-                                                           frame.base.z() + cell_of(at.z()));
-    if (brick >= 0 && !workpiece.air(static_cast<std::size_t>(brick))) return way;
-  }
-  return way;
-}
 
 // See from_print().
 struct ContactModel::FromPrint {
