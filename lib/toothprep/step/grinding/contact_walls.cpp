@@ -179,7 +179,6 @@ Int4 ContactModel::is_deeper(const Scan& scan, const CutOfPieces& cut, const Pla
 // lattice's points, these don't tell.
 bool ContactModel::was_over(const Scan& scan, const CutOfPieces& cut, int p, float x, float y,
                             const Lanes& s) const noexcept {
-  if (scan.sweeps.empty()) return false;
   const IndexFrame& f = scan.frame;
   const Displaced d = cut.displaced(all4(x), all4(y));
   const Eigen::Vector3f from_tip = Eigen::Vector3f(s.ix[p], s.iy[p], s.iz[p]) -
