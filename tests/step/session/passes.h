@@ -28,6 +28,9 @@ struct Passes {
   double speed = 8;         // mm/s
   double element_size = 0;  // mm; 0: the default
   bool forgets = false;  // back in a new session, which knows of the cut but not of the bur's way
+  std::vector<double> deeper = {};  // than `depth`, of each pass, mm; empty: none
+
+  double depth_of(std::size_t pass) const { return depth + (deeper.empty() ? 0 : deeper[pass]); }
 };
 
 struct Work {
@@ -55,9 +58,9 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
     return by.totals().torque_work - before;
   };
   std::vector<Work> work;
-  for (const double z : p.z) {
+  for (std::size_t i = 0; i < p.z.size(); ++i) {
     // To the start of the pass with the motor off: nothing is ground on the way.
-    handle.pose.position = Vec3(-kStart, -p.depth, z);
+    handle.pose.position = Vec3(-kStart, -p.depth_of(i), p.z[i]);
     handle.buttons = 0;
     session.step(handle);
     handle.buttons = kPedalButton;
@@ -82,9 +85,9 @@ inline std::vector<std::vector<Vec3>> forces_in_the_middle(const Passes& p, doub
   HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
   Session session(bur, workpiece, paper_without_stall(), Drive::kDirect, handle);
   std::vector<std::vector<Vec3>> forces;
-  for (const double z : p.z) {
+  for (std::size_t i = 0; i < p.z.size(); ++i) {
     forces.emplace_back();
-    handle.pose.position = Vec3(-kStart, -p.depth, z);
+    handle.pose.position = Vec3(-kStart, -p.depth_of(i), p.z[i]);
     handle.buttons = 0;
     session.step(handle);
     handle.buttons = kPedalButton;
@@ -119,7 +122,7 @@ inline double work_per_mm_in_the_middle(const Passes& p, double voxel) {
 
 inline std::vector<double> energy_of(const Passes& p) {
   std::vector<Vec3> tips;
-  for (const double z : p.z) tips.emplace_back(0, -p.depth, z);
+  for (std::size_t i = 0; i < p.z.size(); ++i) tips.emplace_back(0, -p.depth_of(i), p.z[i]);
   std::vector<double> energy;
   for (const PerTissue<double>& area :
        reference::newly_swept_sections(make_bur(p.bur, ""), upright_leant(p.across, p.along), tips,

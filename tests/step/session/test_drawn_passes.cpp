@@ -39,6 +39,22 @@ Passes drawn(std::mt19937& numbers) {
   return p;
 }
 
+// Two passes of a layer and two of the next, 0.05 to 0.4 mm deeper, anywhere over the first two.
+Passes drawn_layers(std::mt19937& numbers) {
+  Passes p = drawn(numbers);
+  const auto between = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(numbers()) / 4294967296.0;
+  };
+  p.depth = between(0.15, 0.6);
+  if (numbers() % 2) p.across = p.along = 0;
+  const double layer = between(0.05, 0.4), width = p.z[1] - p.z[0];
+  p.z.resize(2);
+  p.z.push_back(p.z[0] + width * between(-0.5, 1.5));
+  p.z.push_back(p.z[2] + (numbers() % 2 ? 1 : -1) * std::abs(width) * between(0.3, 1));
+  p.deeper = {0, 0, layer, layer};
+  return p;
+}
+
 int asked_for(const char* variable, int otherwise) {
   const char* asked = std::getenv(variable);
   return asked ? std::atoi(asked) : otherwise;
@@ -51,15 +67,17 @@ struct Spread {
   double mean = 0, worst = 0;           // of the worst passes
 };
 
-Spread spread_at(double voxel) {
+Spread spread_at(double voxel, Passes (*draw)(std::mt19937&) = drawn) {
   std::mt19937 numbers(static_cast<unsigned>(asked_for("TOOTHPREP_DRAW", 1)));
   const int count = asked_for("TOOTHPREP_DRAWN", 12);
   Spread s;
   for (; s.cases < count; ++s.cases) {
-    const Passes p = drawn(numbers);
+    const Passes p = draw(numbers);
     const bool coarse = voxel > 0.07;
-    std::printf("%2d: %.2f mm, enamel %.1f, z %+.3f %+.3f; ", s.cases, p.depth, p.enamel, p.z[1],
-                p.z[2]);
+    std::printf("%2d: %.2f mm, enamel %.1f, z", s.cases, p.depth, p.enamel);
+    for (std::size_t i = 1; i < p.z.size(); ++i)
+      std::printf(" %+.3f/%.2f", p.z[i], p.depth_of(i) - p.depth);
+    std::printf("; ");
     const Errors e = errors_of(p, voxel, coarse ? 0.01 : 0.003, coarse ? 0.002 : 0.0005);
     s.beyond += e.beyond > 1, s.back += e.back > 0.001;
     s.mean += e.beyond, s.worst = std::max(s.worst, e.beyond);
@@ -81,6 +99,10 @@ void expect_small(const Spread& s) {
 TEST(DrawnPasses, AreRightInTheMeanAtATenthOfAMillimetre) { expect_small(spread_at(0.1)); }
 TEST(DrawnPasses, AreRightInTheMeanAtHalfOfThat) { expect_small(spread_at(0.05)); }
 TEST(DrawnPasses, AreRightInTheMeanAtAQuarterOfThat) { expect_small(spread_at(0.025)); }
+
+TEST(DrawnLayers, AtATenth) { expect_small(spread_at(0.1, drawn_layers)); }
+TEST(DrawnLayers, AtAHalf) { expect_small(spread_at(0.05, drawn_layers)); }
+TEST(DrawnLayers, AtAQuarter) { expect_small(spread_at(0.025, drawn_layers)); }
 
 }  // namespace
 }  // namespace toothprep::testing

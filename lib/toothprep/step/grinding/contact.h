@@ -151,6 +151,7 @@ class ContactModel {
   Float4 at_corners(const Scan& scan, int lane, const Look& look) const noexcept;
   bool corner_in_tissue(const Scan& scan, int lane, const Look& look) const noexcept;
   bool corner_in_void(const Scan& scan, int lane, const Look& look) const noexcept;
+  bool ends_differ(const Scan& scan, int lane, const Look& look) const noexcept;
   void look_farther(const Scan& scan, Look& look) noexcept;
   void look_for_tissue(const Scan& scan, int lane, Look& look) noexcept;
   void note_found(const Scan& scan, int lane, const Look& look) noexcept;

@@ -60,15 +60,15 @@ struct ContactModel::CutOfPieces {
   Float4 half_around;
   float curvature_along;
   Float4 curvature_around;
-  float voxel;         // mm
-  Float4 wall;         // mm; by how much a wall stands out
-  float per_speed;     // s/mm
-  bool flat;           // as a flat end is
-  bool may_be_ridges;  // not along straight sides, which are swept as they are
-  Float4 nx, ny, nz;   // normal, B
-  Float4 ux, uy, uz;   // velocity, mm/s, B
-  Float4 wx, wy, wz;   // as long, along earlier walls: on an arc about its centre
-  Float4 pace;         // way along them per way of the tip
+  float voxel;      // mm
+  Float4 wall;      // mm; by how much a wall stands out
+  float per_speed;  // s/mm
+  bool flat;        // as a flat end is
+  bool straight;    // as a side is: what that leaves is plane, and its own print is swept as it is
+  Float4 nx, ny, nz;  // normal, B
+  Float4 ux, uy, uz;  // velocity, mm/s, B
+  Float4 wx, wy, wz;  // as long, along earlier walls: on an arc about its centre
+  Float4 pace;        // way along them per way of the tip
   Eigen::Vector3f turning = Eigen::Vector3f::Zero();  // as of Scan
   Float4 vl, vt;  // its direction's parts along the profile and around the axis
   Float4 bend;    // 1/mm, of the surface along the motion, where it is convex
@@ -85,7 +85,7 @@ struct ContactModel::CutOfPieces {
         wall(kWall * voxel * voxel * (curvature_along + curvature_around)),
         per_speed(s.speed > 0 ? 1 / s.speed : 0),
         flat(curvature_along == 0 && !any(curvature_around != 0)),
-        may_be_ridges(curvature_along != 0 || flat),
+        straight(curvature_along == 0 && !flat),
         nx(load4(&pieces.nx[first])),
         ny(load4(&pieces.ny[first])),
         nz(load4(&pieces.nz[first])),
@@ -158,12 +158,14 @@ struct ContactModel::CutOfPieces {
     const SweptArc::Known k = known(g, w);
     return is_known ? walls.arc(k.normal).curvature(k) : Float4{};
   }
-  // The bur's own curvature there.
+  // The bur's own curvature there, if it may have left a wall that isn't plane.
   Float4 curvature_here(const Across& w) const {
     const Float4 l = (axes.along_x * w.x + axes.along_y * w.y + axes.along_z * w.z) / half_along,
                  t = (axes.around_x * w.x + axes.around_y * w.y) / half_around, ll = l * l,
                  tt = t * t;
-    return (curvature_along * ll + curvature_around * tt) / greatest(ll + tt, all4(kFlat));
+    return straight
+               ? Float4{}
+               : (curvature_along * ll + curvature_around * tt) / greatest(ll + tt, all4(kFlat));
   }
   // Of a wall along an arc, about whose centre it is round: its curvature that way, 1/mm, positive where it is concave.
   Float4 curvature_on_way(const FourSamples& g) const {
@@ -172,6 +174,10 @@ struct ContactModel::CutOfPieces {
             g.gy * (turning.z() * x - turning.x() * z) +
             g.gz * (turning.x() * y - turning.y() * x)) /
            pace;
+  }
+  // By how much a wall with this field stands out: of straight sides only one that they may have left.
+  Float4 stands_out(const FourSamples& g) const {
+    return straight ? wall * (g.gx * g.gx + g.gy * g.gy) : wall;
   }
   // By how much a wall stands out on the lattice that the surface leaves when it is swept along itself: that has no
   // curvature that way, and all of the surface's Gaussian one.
@@ -204,7 +210,7 @@ struct ContactModel::CutOfPieces {
       found.gx += turn * x, found.gy += turn * y, found.gz += turn * z;
       found.value += 0.5f * voxel * bends * in_cell[i] * (1 - in_cell[i]);
     }
-    found.value += known ? Float4{} : swept_wall();
+    found.value += known ? Float4{} : straight ? stands_out(g) : swept_wall();
     return found;
   }
   // A wall's field at a place beside the middle (mm, B): by its arc, or as if it were a circle.
@@ -254,7 +260,7 @@ struct ContactModel::CutOfPieces {
   // Its value at the surface from the sample ahead of it: a wall that was ground before counts no earlier
   // than it is reached.
   Float4 at_surface(const FourSamples& found, float reach) const {
-    return found.value + wall - kTakenBack * reach * rise(found);
+    return found.value + stands_out(found) - kTakenBack * reach * rise(found);
   }
   // Its borders by its value (mm) at the places x, y (-1 .. 1). A wall that was swept along the motion is curved
   // across it, as the bur is.
@@ -265,9 +271,8 @@ struct ContactModel::CutOfPieces {
                  t = axes.around_x * w.x + axes.around_y * w.y;
     // What the bur is fed against is its own print, as curved as it is.
     const Float4 beside = least(w.x * w.x + w.y * w.y + w.z * w.z, all4(1));
-    Float4 towards_l = all4(curvature_along), towards_t = curvature_around;
-    // Straight sides lie where the arc ends: their walls are half of each.
-    if (const Int4 known = may_be_ridges ? knows(g) : Int4{}; any(known)) {
+    Float4 towards_l = all4(curvature_along), towards_t = straight ? Float4{} : curvature_around;
+    if (const Int4 known = straight ? Int4{} : knows(g); any(known)) {
       const Float4 curvature = known_curvature(g, w);
       towards_l = known ? curvature : towards_l, towards_t = known ? curvature : towards_t;
     }

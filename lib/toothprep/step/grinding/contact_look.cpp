@@ -25,6 +25,8 @@ constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFlo
                 kThinFloor = 0.02f;
 // So far within a cut (voxels) a corner is in the void, and so far outside of it in tissue, whatever the lattice rounds.
 constexpr float kCornerInVoid = 0.005f, kCornerInTissue = 0.02f;
+// Another wall than in an element's middle is met at an end whose values differ by more than this (voxels).
+constexpr float kAnotherWall = 0.1f;
 // At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
 // less, so that it soon counts as a whole again.
 constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
@@ -55,6 +57,7 @@ struct ContactModel::Look {
   Int4 x, y, z;                         // their cells
   Int4 live;                            // within the box, and not in air
   Float4 value, extent, along, around;  // of the cut at the surface, and its half ranges, mm
+  Float4 ahead_value;                   // of the cut, not taken back to the surface
   Float4 rate;                          // of its change along the motion, per mm
   Int4 remains;                         // -1: not all of it is void
   Float4 clear;                         // mm: the next wall is at least so far away
@@ -156,6 +159,7 @@ void ContactModel::locate(const Scan& scan, Look& s) noexcept {
             load4(corners[0] + 4), load4(corners[1] + 4), load4(corners[2] + 4),
             load4(corners[3] + 4));
   const FourSamples cut = cells.at(at.fx, at.fy, at.fz);
+  s.ahead_value = cut.value;
   s.value = cut.value - cut.gx * (kTakenBack * ahead_x) - cut.gy * (kTakenBack * ahead_y) -
             cut.gz * (kTakenBack * ahead_z);
   s.rate = magnitude(cut.gx * s.unit_x + cut.gy * s.unit_y + cut.gz * s.unit_z);
@@ -259,14 +263,29 @@ bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const 
 }
 
 // Whether a corner of one of them lies in tissue that its middle doesn't tell of: over an earlier slot's floor that is
-// nearer than the wall beside it. At the bur's own edges floor_at_edge() tells.
+// nearer than the wall beside it. Of corners at the bur's own edges floor_at_edge() tells.
 bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) const noexcept {
   const int i = s.elements[p];
   const SurfaceElements& e = elements_;
-  return edge_[i] == 0 && s.value[p] < s.corner[p] &&
+  const std::int32_t upper = edge_[i] > 0 ? 0 : -1, lower = edge_[i] < 0 ? 0 : -1;
+  return s.value[p] < s.corner[p] &&
          Eigen::Vector3f(e.nx[i], e.ny[i], e.nz[i]).dot(s.u[p]) > kAdvancesLittle &&
-         any(at_corners(scan, p, s) <
-             -kCornerInTissue * static_cast<float>(scan.workpiece.voxel()));
+         any(Int4{upper, upper, lower, lower} &
+             (at_corners(scan, p, s) <
+              -kCornerInTissue * static_cast<float>(scan.workpiece.voxel())));
+}
+
+// Whether another wall than in the middle of one of them is met at its upper or lower end: the floor of an earlier layer.
+// That at the bur's own edge floor_at_edge() tells.
+bool ContactModel::ends_differ(const Scan& scan, int p, const Look& s) const noexcept {
+  const Float4 corners = at_corners(scan, p, s);
+  const float slack =
+      s.along[p] + s.sag[p] + kAnotherWall * static_cast<float>(scan.workpiece.voxel());
+  const auto differs = [&](int a, int b) {
+    return std::abs(0.5f * (corners[a] + corners[b]) - s.ahead_value[p]) > slack;
+  };
+  const float edge = edge_[s.elements[p]];
+  return (!(edge > 0) && differs(0, 1)) || (!(edge < 0) && differs(2, 3));
 }
 
 void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
@@ -280,7 +299,7 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
                      elements_.half_along[i] + voxel < scan.workpiece.band();
   standing.strips = (clear < 0 || !standing.oblique) && elements_.curvature_along[i] == 0 &&
                     known && s.along[p] < kAlongWall * elements_.half_around[i] &&
-                    !floor_at_edge(scan, p, s);
+                    !floor_at_edge(scan, p, s) && !ends_differ(scan, p, s);
   found_[i] = Found::kCrossed;
   float left = std::min(s.left[p], kCrossedStanding * voxel);
   const float wall_stands_out =

@@ -198,7 +198,7 @@ Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes&
   s.cut = cut.borders(surface, here, Float4{}, Float4{});
   const Int4 crossed =
       s.live & ~meets & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
-  if (cut.may_be_ridges && any(crossed)) {
+  if (!cut.straight && any(crossed)) {
     const AtBorder at = look_at_border(scan, cut, s.cut, {scan.frame, s.ix, s.iy, s.iz}, crossed);
     s.cut.replace(crossed,
                   cut.borders(cut.at_surface(at.sample, scan.reach), at.sample, at.x, at.y));
@@ -325,7 +325,7 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   farther.read(scan.workpiece, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), s.live,
                scan.cuts);
   const FourSamples there = f.gradients(farther.cells.at(at.fx, at.fy, at.fz));
-  const Float4 value = farther.live ? there.value + cut.wall : all4(-1e3f);
+  const Float4 value = farther.live ? there.value + cut.stands_out(there) : all4(-1e3f);
   const Float4 rise = cut.rise_on_way(there), back = value - look_ahead * rise;
   const Float4 range_along = axes.along(there), range_around = axes.around(there);
   const Float4 towards_edge = range_along * range_along;
@@ -351,14 +351,14 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   const Int4 crossed =
       s.live & farther.live & (value <= least(back, surface)) &
       (magnitude(tells) < kMayCross * (magnitude(range_along) + magnitude(range_around)));
-  if (cut.may_be_ridges && any(crossed)) {
+  if (!cut.straight && any(crossed)) {
     const AtBorder found = look_at_border(scan, cut, ahead, middle, crossed);
     ahead.replace(crossed, cut.borders(found.sample.value + cut.wall + (tells - value),
                                        found.sample, found.x, found.y));
   }
   const CoveredPart<Float4> part = ahead.part();
   Int4 counts = part.share < s.share;
-  if (cut.may_be_ridges && look > kClearOfPrint * voxel) {
+  if (!cut.straight && look > kClearOfPrint * voxel) {
     // A ridge between the bur's own print and a wall along the motion is rounded on the lattice; farther
     // ahead that wall stands alone.
     const Float4 slope = there.gx * there.gx + there.gy * there.gy + there.gz * there.gz;

@@ -15,9 +15,10 @@ namespace {
 // The samples lie where the bur's own print is so far away (voxels), of a wall and of what is looked at around a
 // groove or a slot.
 constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
-// Of a piece that less than this was found to be covered of, a wall takes off. It adds to it only at a sharp edge and on
-// a flat end, where it crosses the surface at more than this angle (sine squared): else it may be what this part of the
-// bur left itself. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
+// Of a piece that less than this was found to be covered of, a wall takes off. It adds to it only at a sharp edge, on a
+// flat end and on a straight side, where it crosses the surface at more than this angle (sine squared): else it may be
+// what this part of the bur left itself. Beside a straight side's edges such a wall is a floor or a step of an earlier
+// layer, and thin is only what it leaves of the piece. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
 // that the end itself leaves when it leans.
 constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
 // The walls of a ridge are looked at so far from it (voxels), where no cell holds both: each at the nearest place where
@@ -133,20 +134,20 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
         within(per_square * border.around / cut.half_around, kWithinPiece * cut.half_around));
     const Wall found = look_at_wall(scan, cut, on_border, far, crossed);
     border.replace(crossed, cut.borders(found));
-    const Int4 found_little = (s.share <= kLeastWithWall) | s.at_edge;
+    const Int4 steep =
+        square_of(cut.half_along, cut.half_around, border.along, border.around) > kCrosses;
+    const Int4 of_layer = cut.straight ? steep & ~s.at_edge : Int4{},
+               found_little = ((s.share <= kLeastWithWall) & ~of_layer) | s.at_edge;
     border.replace(found_little, cut.without_thin(border));
     const CoveredPart<Float4> part = border.part();
-    const Int4 crosses =
-        (cut.flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) &
-        (square_of(cut.half_along, cut.half_around, border.along, border.around) > kCrosses);
+    const Int4 crosses = (cut.flat ? cells.cells.bend() < kLinear * cut.voxel : s.at_edge) & steep;
     const Int4 counts = crossed & cut.is_one_wall(found.sample) &
                         ((part.share < s.share) | crosses | ~found_little);
     s.cut.replace(counts, border);
     s.cover(counts, part);
     may_be_ridge |= counts;
   }
-  if (cut.may_be_ridges && any(may_be_ridge))
-    cover_ridges(scan, cut, there, border, far, may_be_ridge, s);
+  if (any(may_be_ridge)) cover_ridges(scan, cut, there, border, far, may_be_ridge, s);
 }
 
 // Whether the cut is deeper around places beside the middles `far` (mm, B) than two walls alone would be.

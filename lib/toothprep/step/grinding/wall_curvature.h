@@ -15,6 +15,9 @@ namespace toothprep {
 // ellipse, and the arc goes about each point of that in a circle: so in the direction of a unit normal n across the
 // motion, with n_a the part of n along the bur's axis, the wall reaches out to radius + centre sqrt(1 - n_a²), but for a
 // shift. A place in the void is as deep as it is from the nearest of the tangents of these normals.
+//
+// Swept square to the axis that ellipse is a line, and what the end between the arcs leaves is plane; where on it a place
+// lies its normal doesn't tell.
 struct SweptArc {
   Float4 centre, radius;  // mm, from the axis; of the arc
 
@@ -25,7 +28,9 @@ struct SweptArc {
   };
   // Curvature (1/mm) of the field there.
   Float4 curvature(const Known& k) const {
-    return 1 / greatest(radius - k.value + stretched(square_at(k.normal), k), all4(kLeastRadius));
+    const Float4 of_arc =
+        1 / greatest(radius - k.value + stretched(square_at(k.normal), k), all4(kLeastRadius));
+    return is_plane(k) ? Float4{} : of_arc;
   }
 
   // The field beside it; its normal is turned by the angle of this cosine and sine towards `aside`.
@@ -59,15 +64,22 @@ struct SweptArc {
     if (!is_circle) there = square_root(square_at(t.cosine * k.normal + t.sine * k.aside));
     t.value = k.value + from * t.sine * t.sine / (1 + t.cosine) +
               centre * (there - reach * t.cosine) - out * t.cosine - far_beside * t.sine;
+    const Int4 plane = is_plane(k);
+    t.value = plane ? k.value - out : t.value;
+    t.cosine = plane ? all4(1) : t.cosine, t.sine = plane ? Float4{} : t.sine;
     return t;
   }
 
  private:
   static constexpr int kSteps = 3;
   static constexpr float kMostTurn = 0.5f;      // a step, rad
+  static constexpr float kPlane = 0.0025f;      // sine squared, of the normal and of the motion
   static constexpr float kLeastSquare = 1e-4f;  // keep divisions defined
   static constexpr float kLeastRadius = 0.01f;  // mm
 
+  Int4 is_plane(const Known& k) const {
+    return (centre > 0) & (1 - k.normal * k.normal < kPlane) & (k.motion * k.motion < kPlane);
+  }
   static Float4 square_at(const Float4& normal) {
     return greatest(1 - normal * normal, all4(kLeastSquare));
   }
