@@ -342,7 +342,15 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   const Float4 beside = kt != 0 ? all4(1) : greatest(1 - kBeside * cut.vl * cut.vl, Float4{});
   const Float4 stands_out =
       kWallAtMost * voxel * voxel * (ka + kt) + kEdgeStandsOut * voxel * of_edge * beside;
-  Float4 hidden = least(least(value, back), surface);
+  // A ridge between the bur's own print and a wall along the motion is rounded on the lattice; farther ahead that wall
+  // stands alone.
+  const Float4 slope = there.gx * there.gx + there.gy * there.gy + there.gz * there.gz;
+  const Int4 alone = !cut.straight && look > kClearOfPrint * voxel
+                         ? (slope > kStandsAlone) & (across < 1) &
+                               (magnitude(surface - back) < kRounded * voxel) &
+                               (s.share > kLeastBesideRidge)
+                         : Int4{};
+  Float4 hidden = alone ? back : least(least(value, back), surface);
   if (s.edge != 0) hidden += of_edge * floor_too_high(hidden, -s.edge * range_along, voxel);
   s.note_crossing(s.live, hidden, range_along, range_around, cut.rise(there));
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
@@ -357,15 +365,7 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
                                        found.sample, found.x, found.y));
   }
   const CoveredPart<Float4> part = ahead.part();
-  Int4 counts = part.share < s.share;
-  if (!cut.straight && look > kClearOfPrint * voxel) {
-    // A ridge between the bur's own print and a wall along the motion is rounded on the lattice; farther
-    // ahead that wall stands alone.
-    const Float4 slope = there.gx * there.gx + there.gy * there.gy + there.gz * there.gz;
-    const Int4 alone =
-        (slope > kStandsAlone) & (across < 1) & (magnitude(surface - hidden) < kRounded * voxel);
-    counts |= alone & (s.share > kLeastBesideRidge);
-  }
+  const Int4 counts = (part.share < s.share) | alone;
   s.cut.replace(counts, ahead);
   s.cover(counts, part);
 }
