@@ -88,6 +88,24 @@ TEST(WallCurvature, TellsTheFieldBesideAPlaceWhoseNormalIsKnown) {
   }
 }
 
+// Upright, a flat end leaves a plane floor; a lattice's gradient there is off by some thousandths.
+TEST(WallCurvature, OfAFlatEndsFloorIsNone) {
+  const WallCurvature walls(make_bur("cylinder:D1.2xL4.0xR0.3", "").profile());
+  constexpr float kValue = 2e-4f, kOut = -0.008f;
+  for (const float aside : {0.0f, 0.004f, -0.03f}) {
+    const SweptArc::Known floor{all4(kValue), all4(-std::sqrt(1 - aside * aside)), all4(aside),
+                                Float4{}};
+    ASSERT_TRUE(any(walls.know(floor.normal)));
+    const SweptArc arc = walls.arc(floor.normal);
+    EXPECT_EQ(arc.curvature(floor)[0], 0) << aside;
+    for (const float beside : {0.0f, 3e-5f, 0.02f}) {
+      const SweptArc::Tangent t = arc.at(floor, all4(kOut), all4(beside));
+      EXPECT_EQ(t.value[0], kValue - kOut) << aside << " " << beside;
+      EXPECT_EQ(t.sine[0], 0) << aside << " " << beside;
+    }
+  }
+}
+
 // An edge leaves walls of any normal between those of the parts that meet there.
 TEST(WallCurvature, IsNotKnownOfSharpEndsNorBesideTheShanksEnd) {
   const auto knows = [](const char* spec, float normal) {

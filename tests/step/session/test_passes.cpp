@@ -36,6 +36,27 @@ const std::vector<Passes>& selection() {
   return kCases;
 }
 
+// Passes of a second layer, upright, meet the floors and steps of the first with the straight side and the end.
+TEST(OverlappingPasses, OfALowerLayerHaveTheirEnergy) {
+  const auto layers = [](const char* bur, double depth, double enamel, std::vector<double> z,
+                         double deeper) {
+    Passes p{bur, depth, 0, 0, enamel, std::move(z)};
+    p.deeper = {0, 0, deeper, deeper};
+    return p;
+  };
+  const char* const rounded = "cylinder:D1.2xL4.0xR0.3";
+  for (const Passes& p :
+       {layers(rounded, 0.28, 0.6, {0, 0.318, 0.192, -0.09}, 0.13),
+        layers(rounded, 0.21, 0.3, {0, 0.125, 0.071, 0.009}, 0.33),
+        layers("cylinder:D1.2xL3.0", 0.21, 0.3, {0, 0.544, 0.139, -0.23}, 0.33)}) {
+    expect_right(p, errors_of(p, 0.1));
+    expect_right(p, errors_of(p, 0.05, 0.003, 0.0005));
+  }
+  const Passes cone =
+      layers("inverted-cone:D1.2xL1.6xA8", 0.18, 0.3, {0, 0.503, -0.114, 0.366}, 0.22);
+  expect_right(cone, errors_of(cone, 0.05, 0.003, 0.0005));
+}
+
 TEST(OverlappingPasses, WorkIsTheEnergyOfWhatIsNewlySweptAtATenthOfAMillimetre) {
   for (const Passes& p : selection()) expect_right(p, errors_of(p, 0.1));
 }
