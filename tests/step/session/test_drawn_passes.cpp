@@ -1,6 +1,6 @@
-// Passes that nobody chose: bur, depth, lean, tissue and side steps are drawn by lot, side by side or in two layers. The suite runs the first twelve;
-// TOOTHPREP_DRAWN says how many (48, of which README.md in step/grinding speaks, take two minutes), TOOTHPREP_DRAW which
-// draw it is (1).
+// Passes that nobody chose, side by side or in two layers: bur, depth, lean, tissue and side steps are drawn by lot. The
+// suite runs the first twelve; TOOTHPREP_DRAWN says how many (48, of which README.md in step/grinding speaks, take two
+// minutes), TOOTHPREP_DRAW which draw it is (1).
 #include <cstdlib>
 #include <random>
 
