@@ -17,9 +17,9 @@ namespace {
 constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
 // Of a piece that less than this was found to be covered of, a wall takes off. It adds to it only at a sharp edge, on a
 // flat end and on a straight side, where it crosses the surface at more than this angle (sine squared): else it may be
-// what this part of the bur left itself. Beside a straight side's edges such a wall is a floor or a step of an earlier
-// layer, and thin is only what it leaves of the piece. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
-// that the end itself leaves when it leans.
+// what this part of the bur left itself. On a straight side, away from its edges, such a wall is a floor or a step of an
+// earlier layer, and thin is only what it leaves of the piece. On a flat end it must be as straight as this in its cell
+// (voxels), which isn't the narrow ellipse that the end itself leaves when it leans.
 constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
 // The walls of a ridge are looked at so far from it (voxels), where no cell holds both: each at the nearest place where
 // the next one confirms it. They meet in a ridge if each lies that far (voxels) within the other.
