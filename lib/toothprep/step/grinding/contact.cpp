@@ -69,7 +69,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   cells_.resize(n);
   near_.resize(n), far_.resize(n);
   fields_.resize(n), tissues_.resize(n);
-  settled_.assign(n, -1);
+  settled_.assign(n, -1), moves_.assign(n, -1);
   been_.reserve(kMostBeen);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);
@@ -254,7 +254,7 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
   way_ += way;
   path_ += (pose.position - sampled_pose_.position).norm();
   if (!sampled_ || scan.turns != sampled_turning_)
-    std::fill(settled_.begin(), settled_.end(), -1.0);
+    for (auto* until : {&settled_, &moves_}) std::fill(until->begin(), until->end(), -1.0);
   else if (scan.cuts != sampled_cuts_)
     doubt_what_was_found();
   sampled_pose_ = pose;
@@ -273,6 +273,7 @@ void ContactModel::doubt_what_was_found() noexcept {
   for (std::size_t i = 0; i < n; ++i) {
     const double until = kDoubted * static_cast<double>(i) / static_cast<double>(n);
     settled_[i] = std::min(settled_[i], way_ + until);
+    moves_[i] = std::min(moves_[i], settled_[i]);
     if (found_[i] == Found::kInside) left_[i] = std::min(left_[i], static_cast<float>(until));
   }
 }

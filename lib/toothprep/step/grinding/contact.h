@@ -104,6 +104,8 @@ class ContactModel {
     Crossing crossing;
     std::array<double, kPieces> slots_from{};  // mm of way, from which on slots are looked for
     double holds = 0;                          // as of settled_, but for a whole sample
+    Float4 rise{};                             // as of Lanes
+    double path = 0;                           // where that was found, as path_
     int tissue = -1;                           // of all of them, or -1: as of_tissue has it
     CoveredPart<Float4> of_tissue[kTissueCount] = {};
   };
@@ -199,6 +201,9 @@ class ContactModel {
                         const Int4& wanted) noexcept;
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
+  void find_moved(int i, Lanes& lanes) noexcept;
+  double until(const Lanes& lanes, const Float4& way) const noexcept;
+  void keep(int i, double farthest, const Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
   void cover_advancing(const Pieces& pieces, int first, Lanes& lanes) const noexcept;
   void leave_out_where_it_was(const Scan& scan, const Pieces& pieces, int first,
@@ -240,6 +245,7 @@ class ContactModel {
   std::vector<float> slack_;
   // Until where on the way what was found to be covered of its pieces stands, mm.
   std::vector<double> settled_;
+  std::vector<double> moves_;  // and until where its borders move on as they did
   double way_ = 0;
   // The cells of the cut that were read last: of each element's middle, and of its pieces at the
   // surface and farther ahead.

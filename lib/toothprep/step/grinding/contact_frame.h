@@ -235,6 +235,7 @@ struct ContactModel::Lanes : Crossing {
   std::array<double, kPieces>* slots_from;  // as of Standing
   Int4 live;                                // -1: may be in contact, 0: not
   Float4 share, x, y;                       // as of CoveredPart
+  Float4 rise;  // of the cut's border along the motion, mm per mm; 0 where more than that border tells what is covered
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
   int tissue;           // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];
@@ -316,8 +317,9 @@ inline Float4 straightened(const Float4& c, const Float4& a, const Float4& b, co
 }
 
 // What was found of a piece stands until a share may have changed by this, and a whole sample in which it
-// counts until one may have changed by that.
-constexpr float kStays = 0.01f, kHolds = 0.1f;
+// counts until one may have changed by that. More where the piece hardly advances: by what that makes where v·n is this
+// part of the speed.
+constexpr float kStays = 0.01f, kHolds = 0.1f, kHardlyAdvances = 0.1f, kLeastAdvance = 0.01f;
 
 // A field at the pieces of `counts`, with its value, half ranges over them and change along the way: the
 // way that is left becomes no longer than until the share that it covers has changed. Where its zero
@@ -328,9 +330,12 @@ inline void ContactModel::Lanes::note_crossing(const Int4& counts, const Float4&
                                                const Float4& along_way) {
   const Float4 a = magnitude(range_along), b = magnitude(range_around);
   const Float4 comes = turned_where_negative(value, -along_way);
-  const Float4 across = 2 * greatest(a, b) / greatest(magnitude(along_way), all4(kLeastExtent)),
-               until = (magnitude(value) - (a + b)) / greatest(comes, all4(kLeastExtent));
-  const Float4 stay = greatest(kStays * across, until), hold = greatest(kHolds * across, until);
+  const Float4 little = least(greatest(advance, all4(kLeastAdvance * speed)),
+                              all4(kHardlyAdvances * speed)),
+               more = kHardlyAdvances * speed / little;
+  const Float4 across = 2 * more * greatest(a, b) / greatest(magnitude(along_way), all4(kLeastExtent)),
+               until = greatest((magnitude(value) - (a + b)) / greatest(comes, all4(kLeastExtent)), Float4{});
+  const Float4 stay = kStays * across + until, hold = kHolds * across + until;
   stays = counts ? least(stays, stay) : stays;
   holds = counts ? least(holds, hold) : holds;
 }

@@ -119,6 +119,7 @@ void ContactModel::cover_grooves(const Scan& scan, const CutOfPieces& cut, const
     if (!any(groove)) continue;
     left &= ~groove;
     s.groove |= groove;
+    s.rise = groove ? Float4{} : s.rise;
     for (int wall = 0; wall < 2; ++wall) {
       const Borders border = cut.borders(walls[wall].at_middle + cut.swept_wall(),
                                          walls[wall].sample, Float4{}, Float4{});

@@ -27,9 +27,8 @@ constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFlo
 constexpr float kCornerInVoid = 0.005f, kCornerInTissue = 0.02f;
 // Another wall than in an element's middle is met at an end whose values differ by more than this (voxels).
 constexpr float kAnotherWall = 0.1f;
-// At most for this many voxels; a crossed element, which is looked at piece by piece anyway, for
-// less, so that it soon counts as a whole again.
-constexpr float kMostStanding = 0.5f, kCrossedStanding = 0.5f;
+// What is found stands for this many voxels at most.
+constexpr float kMostStanding = 0.5f;
 // And for so many voxels at most by how it changes along the motion, rather than by the way alone.
 constexpr float kAsideVoxels = 0.02f;
 
@@ -90,7 +89,7 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
       s.remains[p] = -1;
   for (int p = 0; p < count; ++p) {
     const std::int32_t i = elements[p];
-    settled_[i] = -1;
+    settled_[i] = moves_[i] = -1;
     slack_[i] = kStands * (1 - 1 / kSlack) * s.extent[p];
     found_[i] = Found::kVoid;
     left_[i] = s.live[p] ? left[p] : kStands * workpiece.band();
@@ -293,23 +292,23 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   const auto voxel = static_cast<float>(scan.workpiece.voxel());
   const float value = s.value[p], extent = s.extent[p], clear = s.clear[p];
   Standing& standing = standing_[i];
+  left_[i] = std::min(s.left[p], kMostStanding * voxel);
+  const bool in_one_tissue = standing.inside_tooth && standing.only != 0;
+  const float wall_stands_out =
+      kWallAtMost * voxel * voxel * (elements_.curvature_along[i] + elements_.curvature_around[i]);
+  if (in_one_tissue && value <= -extent - wall_stands_out && clear >= 0 &&
+      !corner_in_void(scan, p, s)) {
+    found_[i] = Found::kInside;
+    left_[i] = std::min(left_[i], kStands * clear);
+    return;
+  }
+  found_[i] = Found::kCrossed;
   standing.share = share_inside(value, extent);
   // A strip is as long as the element: what crosses it of the tooth's surface and its tissues must be known as far.
-  const bool known = (standing.inside_tooth && standing.only != 0) ||
-                     elements_.half_along[i] + voxel < scan.workpiece.band();
+  const bool known = in_one_tissue || elements_.half_along[i] + voxel < scan.workpiece.band();
   standing.strips = (clear < 0 || !standing.oblique) && elements_.curvature_along[i] == 0 &&
                     known && s.along[p] < kAlongWall * elements_.half_around[i] &&
                     !floor_at_edge(scan, p, s) && !ends_differ(scan, p, s);
-  found_[i] = Found::kCrossed;
-  float left = std::min(s.left[p], kCrossedStanding * voxel);
-  const float wall_stands_out =
-      kWallAtMost * voxel * voxel * (elements_.curvature_along[i] + elements_.curvature_around[i]);
-  if (standing.only != 0 && standing.inside_tooth && value <= -extent - wall_stands_out &&
-      clear >= 0 && !corner_in_void(scan, p, s)) {
-    found_[i] = Found::kInside;
-    left = std::min(left / kCrossedStanding * kMostStanding, kStands * clear);
-  }
-  left_[i] = left;
 }
 
 // Whether element i lies in the tooth as a whole, and in which tissue. Returns how far that stands,

@@ -77,6 +77,8 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   } else {
     if (way_ < settled_[i])
       take_settled(standing, lanes);
+    else if (way_ < moves_[i])
+      find_moved(i, lanes);
     else
       find_covered(scan, i, pieces, first, simple, lanes);
     held_ = std::min(held_, standing.holds - way_);
@@ -93,25 +95,48 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   s.cells = &near_[i];
   s.slots_from = &standing_[i].slots_from;
   s.stays = s.holds = all4(kUnbounded);
+  s.rise = Float4{};
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
   if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);
   if (!simple) cover_tooth(scan, i, axes, s);
 
   Standing& standing = standing_[i];
+  standing.tissue = s.tissue;
+  if (s.tissue < 0) std::copy_n(s.of_tissue, kTissueCount, standing.of_tissue);
+  standing.rise = s.rise;
+  const double farthest = way_ + kSettledVoxels * scan.workpiece.voxel();
+  moves_[i] = simple ? std::min(farthest, until(s, s.rise != 0 ? s.holds : s.stays)) : -1;
+  keep(i, farthest, s);
+}
+
+// Until where a way of the pieces leads. What doesn't advance counts only once the motion turns, which is way as well.
+double ContactModel::until(const Lanes& s, const Float4& way) const noexcept {
+  return way_ + double{least_of(s.advance > 0 ? way : all4(kUnbounded))};
+}
+
+// Keeps what was found to be covered of the pieces, until `farthest` at most.
+void ContactModel::keep(int i, double farthest, const Lanes& s) noexcept {
+  Standing& standing = standing_[i];
   store4(s.share, standing.covered.data());
   store4(s.x, standing.x.data());
   store4(s.y, standing.y.data());
   standing.crossing = s;
-  standing.tissue = s.tissue;
-  if (s.tissue < 0) std::copy_n(s.of_tissue, kTissueCount, standing.of_tissue);
-  // What doesn't advance counts only once the motion turns, which is way as well.
-  const Int4 counts = s.advance > 0;
-  const auto least_way = [&](const Float4& way, double most) {
-    return std::min(most, double{least_of(counts ? way : all4(kUnbounded))});
-  };
-  settled_[i] = way_ + least_way(s.stays, kSettledVoxels * scan.workpiece.voxel());
-  standing.holds = way_ + least_way(s.holds, kUnbounded);
+  standing.path = path_;
+  settled_[i] = std::min(farthest, until(s, s.stays));
+  standing.holds = until(s, s.holds);
+}
+
+// The same where the cut's borders moved along since.
+void ContactModel::find_moved(int i, Lanes& s) noexcept {
+  const Standing& standing = standing_[i];
+  take_settled(standing, s);
+  s.stays = s.holds = all4(kUnbounded);
+  const Int4 moves = standing.rise != 0;
+  s.cut.value += static_cast<float>(path_ - standing.path) * standing.rise;
+  s.cover(moves, s.cut.part());
+  s.note_crossing(moves, s.cut.value, s.cut.along, s.cut.around, standing.rise);
+  keep(i, moves_[i], s);
 }
 
 // The same as it was found before.
@@ -196,12 +221,14 @@ Float4 ContactModel::cover_here(const Scan& scan, const CutOfPieces& cut, Lanes&
   const Float4 along = cut.axes.along(here), around = cut.axes.around(here);
   s.note_crossing(s.live, surface, along, around, cut.rise(here));
   s.cut = cut.borders(surface, here, Float4{}, Float4{});
+  s.rise = s.live ? cut.rise(here) : Float4{};
   const Int4 crossed =
       s.live & ~meets & (magnitude(surface) < kMayCross * (magnitude(along) + magnitude(around)));
   if (!cut.straight && any(crossed)) {
     const AtBorder at = look_at_border(scan, cut, s.cut, {scan.frame, s.ix, s.iy, s.iz}, crossed);
     s.cut.replace(crossed,
                   cut.borders(cut.at_surface(at.sample, scan.reach), at.sample, at.x, at.y));
+    s.rise = crossed ? cut.rise(at.sample) : s.rise;
   }
   s.cover(s.live, s.cut.part());
   s.share = s.live ? s.share : Float4{};
@@ -356,6 +383,7 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
   const Int4 parallel = s.advance < (s.at_edge ? all4(kParallelAtEdge) : all4(kParallel)) * s.speed;
   const Float4 tells = parallel ? greatest(hidden, value + least(fresh, stands_out)) : hidden;
   Borders ahead = cut.borders(tells, there, Float4{}, Float4{});
+  Float4 rise_ahead = cut.rise(there);
   const Int4 crossed =
       s.live & farther.live & (value <= least(back, surface)) &
       (magnitude(tells) < kMayCross * (magnitude(range_along) + magnitude(range_around)));
@@ -363,10 +391,12 @@ void ContactModel::cover_ahead(const Scan& scan, const CutOfPieces& cut, const F
     const AtBorder found = look_at_border(scan, cut, ahead, middle, crossed);
     ahead.replace(crossed, cut.borders(found.sample.value + cut.wall + (tells - value),
                                        found.sample, found.x, found.y));
+    rise_ahead = crossed ? cut.rise(found.sample) : rise_ahead;
   }
   const CoveredPart<Float4> part = ahead.part();
   const Int4 counts = (part.share < s.share) | alone;
   s.cut.replace(counts, ahead);
+  s.rise = counts ? rise_ahead : s.rise;
   s.cover(counts, part);
 }
 

@@ -292,6 +292,7 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
   const Float4 per_share = 1 / greatest(sum.share, all4(kLeastShare));
   const Int4 where = one | two;
   s.by_slots |= where;
+  s.rise = where ? Float4{} : s.rise;
   s.cover(where, {sum.share, per_share * sum.x, per_share * sum.y});
   s.cut.replace(where, {border.value, (1 / xx) * border.along, (1 / yy) * border.around});
 }

@@ -144,6 +144,7 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
     const Int4 counts = crossed & cut.is_one_wall(found.sample) &
                         ((part.share < s.share) | crosses | ~found_little);
     s.cut.replace(counts, border);
+    s.rise = counts ? Float4{} : s.rise;
     s.cover(counts, part);
     may_be_ridge |= counts;
   }
@@ -255,6 +256,7 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
     else
       s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
   }
+  s.rise = ridge ? Float4{} : s.rise;
   s.cut.replace(ridge, borders[0]);
   s.beside.replace(ridge, borders[1]);
 }

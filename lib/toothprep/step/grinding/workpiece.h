@@ -7,8 +7,12 @@
 // as one field it cost up to a voxel of contact along every such edge.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
+#include <cstring>
 #include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "toothprep/step/grinding/changed_bricks.h"
@@ -87,8 +91,8 @@ void cell_corners(const Grid& field, int i, int j, int k, float* c) noexcept {
   const Index3& counts = field.brick_counts();
   const int bx = (i >> 3) - first.x(), by = (j >> 3) - first.y(), bz = (k >> 3) - first.z();
   const int x = i & 7, y = j & 7, z = k & 7;
-  const auto inside = [](int b, int n) {
-    return b >= 0 && b + 1 < n;  // b and b + 1 are bricks
+  const auto inside = [](int b, int n) {  // b and b + 1 are bricks
+    return static_cast<std::uint32_t>(b) < static_cast<std::uint32_t>(std::max(n, 1) - 1);
   };
   if (!inside(bx, counts.x()) || !inside(by, counts.y()) || !inside(bz, counts.z())) {
     for (int n = 0; n < 8; ++n) c[n] = field.value(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1));
@@ -98,24 +102,31 @@ void cell_corners(const Grid& field, int i, int j, int k, float* c) noexcept {
                     stride_x = stride_y * static_cast<std::size_t>(counts.y());
   const std::size_t b = static_cast<std::size_t>(bx) * stride_x +
                         static_cast<std::size_t>(by) * stride_y + static_cast<std::size_t>(bz);
+  // Two values side by side along z, at once where they are so in memory.
+  const auto copy_two = [](const auto& brick, int offset, float* to) {
+    if constexpr (std::is_pointer_v<std::remove_cvref_t<decltype(brick)>>)
+      std::memcpy(to, brick + offset, 2 * sizeof(float));
+    else
+      to[0] = brick[offset], to[1] = brick[offset + 1];
+  };
+  const auto v = field.brick(b);
+  const int o = brick_offset(x, y, z);
   if (x < 7 && y < 7 && z < 7) {
-    const auto v = field.brick(b);
-    const int o = brick_offset(x, y, z);
-    c[0] = v[o], c[1] = v[o + 1], c[2] = v[o + 8], c[3] = v[o + 9];
-    c[4] = v[o + 64], c[5] = v[o + 65], c[6] = v[o + 72], c[7] = v[o + 73];
+    copy_two(v, o, c), copy_two(v, o + 8, c + 2);
+    copy_two(v, o + 64, c + 4), copy_two(v, o + 72, c + 6);
     return;
   }
   const std::size_t b_x = x < 7 ? 0 : stride_x, b_y = y < 7 ? 0 : stride_y;
-  const int x1 = (x + 1) & 7, y1 = (y + 1) & 7;
+  const int to_x = x < 7 ? 64 : -7 * 64, to_y = y < 7 ? 8 : -7 * 8;
   const auto read_two = [&](std::size_t at, int offset, float* to) {
-    const auto low = field.brick(at);
-    to[0] = low[offset];
-    to[1] = z < 7 ? low[offset + 1] : field.brick(at + 1)[offset - 7];
+    if (z < 7) return copy_two(field.brick(at), offset, to);
+    to[0] = field.brick(at)[offset];
+    to[1] = field.brick(at + 1)[offset - 7];
   };
-  read_two(b, brick_offset(x, y, z), c);
-  read_two(b + b_y, brick_offset(x, y1, z), c + 2);
-  read_two(b + b_x, brick_offset(x1, y, z), c + 4);
-  read_two(b + b_x + b_y, brick_offset(x1, y1, z), c + 6);
+  read_two(b, o, c);
+  read_two(b + b_y, o + to_y, c + 2);
+  read_two(b + b_x, o + to_x, c + 4);
+  read_two(b + b_x + b_y, o + to_x + to_y, c + 6);
 }
 
 // Trilinear value and gradient at (fx, fy, fz) in [0, 1) of a cell with the corner values c0 .. c7,
