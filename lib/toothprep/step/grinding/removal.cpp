@@ -48,6 +48,9 @@ constexpr double kBeyondEnds = 0.01;  // voxels
 // would come too near to the surface: a wall that is nearer than most of a voxel disturbs what is
 // read there, so that a slow bur would have felt less than a fast one.
 constexpr double kAhead = 1.25;
+// Where the way winds a cut takes up only its straight part, so that the next one is due the sooner: carved within so
+// much of the usual way, at least.
+constexpr double kLeastPace = 0.25;
 // Never more than so many a step, however fast the bur: at 1 to 4 µs each (bench_step) a quarter of
 // a millisecond. A cut that is then late leaves more way to the next one, which costs less than the
 // same way in several, so that the delay stays below a voxel or two up to some 50 mm/s.
@@ -178,15 +181,17 @@ void Removal::add_waypoint(const Pose& pose) noexcept {
 }
 
 // After a voxel of way, however it winds; and of what is left before a pause.
-bool Removal::cut_is_due() const noexcept {
-  if (way_.empty()) return false;
-  if (way_.size() >= kDueWaypoints) return true;
+bool Removal::cut_is_due() const noexcept { return !(way_until_due() > 0); }
+
+// How far that is from here, mm.
+double Removal::way_until_due() const noexcept {
+  if (way_.size() >= kDueWaypoints) return 0;
   double length = 0;
   for (const Waypoint& w : way_) {
-    if (w.jump) return true;
+    if (w.jump) return 0;
     length += w.length;
   }
-  return length >= due_distance_;
+  return due_distance_ - length;
 }
 
 // A cut of the way as far as the next jump, or as it is straight: the longest part by halving.
@@ -211,6 +216,7 @@ void Removal::plan() noexcept {
   last_carved_ = true;
   way_.erase(way_.begin(), way_.begin() + static_cast<long>(count));
   way_since_plan_ = 0;
+  due_after_ = std::max(way_until_due(), kLeastPace * due_distance_);
   plan_box();
 }
 
@@ -626,7 +632,7 @@ void Removal::carve() noexcept {
   if (cursor_ >= box_size_ && cut_is_due()) plan();
   if (cursor_ >= box_size_) return;
   const bool hurry = late_ || cut_is_due();
-  const double part = hurry ? 1 : std::min(1.0, kAhead * way_since_plan_ / due_distance_);
+  const double part = hurry ? 1 : std::min(1.0, kAhead * way_since_plan_ / due_after_);
   const auto by_now = static_cast<std::size_t>(std::ceil(part * static_cast<double>(box_size_)));
   if (by_now > cursor_) carve_some(by_now - cursor_, kMostBricks);
 }

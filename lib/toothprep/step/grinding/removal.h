@@ -78,6 +78,7 @@ class Removal {
   };
   void add_waypoint(const Pose& pose) noexcept;
   bool cut_is_due() const noexcept;
+  double way_until_due() const noexcept;
   void plan() noexcept;
   void note_sweep(const Pose& from, const Pose& to) noexcept;
   void plan_sub_poses(const Pose& from, const Pose& to) noexcept;
@@ -114,6 +115,7 @@ class Removal {
   std::vector<StraightSweep> sweeps_;  // of convex heads; capacity reserved once
   Pose carved_at_;                     // of the last call of carve()
   double way_since_plan_ = 0;          // mm
+  double due_after_ = 0;               // mm of that way: the next cut
   bool advanced_ = false;              // since then
   bool paused_ = false, resumes_ = false;
 
