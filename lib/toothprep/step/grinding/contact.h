@@ -106,6 +106,8 @@ class ContactModel {
     double holds = 0;                          // as of settled_, but for a whole sample
     Float4 rise{};                             // as of Lanes
     double path = 0;                           // where that was found, as path_
+    ContactSet::Sums sums;                     // of what is covered of them
+    int summed = -1;                           // so many of them; -1: not yet
     int tissue = -1;                           // of all of them, or -1: as of_tissue has it
     CoveredPart<Float4> of_tissue[kTissueCount] = {};
   };
@@ -217,6 +219,7 @@ class ContactModel {
                                           const CoveredPart<Float4>& part,
                                           const Lanes& lanes) noexcept;
   void add_covered(const Pieces& pieces, int first, const Lanes& lanes) noexcept;
+  void add_sums(const Standing& standing) noexcept;
 
   SurfaceElements elements_;
   ContactSet contact_;

@@ -235,7 +235,8 @@ struct ContactModel::Lanes : Crossing {
   std::array<double, kPieces>* slots_from;  // as of Standing
   Int4 live;                                // -1: may be in contact, 0: not
   Float4 share, x, y;                       // as of CoveredPart
-  Float4 rise;  // of the cut's border along the motion, mm per mm; 0 where more than that border tells what is covered
+  Float4
+      rise;  // of the cut's border along the motion, mm per mm; 0 where more than that border tells what is covered
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
   int tissue;           // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];
@@ -333,8 +334,10 @@ inline void ContactModel::Lanes::note_crossing(const Int4& counts, const Float4&
   const Float4 little = least(greatest(advance, all4(kLeastAdvance * speed)),
                               all4(kHardlyAdvances * speed)),
                more = kHardlyAdvances * speed / little;
-  const Float4 across = 2 * more * greatest(a, b) / greatest(magnitude(along_way), all4(kLeastExtent)),
-               until = greatest((magnitude(value) - (a + b)) / greatest(comes, all4(kLeastExtent)), Float4{});
+  const Float4 across =
+                   2 * more * greatest(a, b) / greatest(magnitude(along_way), all4(kLeastExtent)),
+               until = greatest((magnitude(value) - (a + b)) / greatest(comes, all4(kLeastExtent)),
+                                Float4{});
   const Float4 stay = kStays * across + until, hold = kHolds * across + until;
   stays = counts ? least(stays, stay) : stays;
   holds = counts ? least(holds, hold) : holds;

@@ -52,7 +52,11 @@ Float4 floor_too_high(const Float4& value, const Float4& rise, float voxel) {
 // Element i piece by piece.
 void ContactModel::divide(const Scan& scan, int i) noexcept {
   const SurfaceElements& e = elements_;
-  const Standing& standing = standing_[i];
+  Standing& standing = standing_[i];
+  // Whether all of it does with every velocity that covers() allows, so that sums tell all of it.
+  const bool advances = !scan.turns && been_.empty() && !scan.retraced && contact_.is_linear() &&
+                        advance_[i] - range_[i] > kMarginSine * scan.speed;
+  if (advances && standing.summed >= 0 && way_ < settled_[i]) return add_sums(standing);
   const bool strips = e.curvature_along[i] == 0 && (standing.strips || found_[i] == Found::kInside);
   const Pieces& pieces = strips ? strips_ : squares_;
   const int first = i * kPieces;
@@ -86,7 +90,13 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
   if (!been_.empty() || scan.retraced) leave_out_where_it_was(scan, pieces, first, lanes);
-  add_covered(pieces, first, lanes);
+  if (!advances || lanes.tissue < 0) return add_covered(pieces, first, lanes);
+  const Int4 counts = lanes.share > kLeastShare;
+  const CoveredPart<Float4> part{lanes.share, lanes.x, lanes.y};
+  standing.sums =
+      ContactSet::sums_of(middles(pieces, first, part, lanes), counts ? lanes.share : Float4{});
+  standing.summed = -(counts[0] + counts[1] + counts[2] + counts[3]);
+  add_sums(standing);
 }
 
 // What is covered of the pieces, and in which tissue.
@@ -123,6 +133,7 @@ void ContactModel::keep(int i, double farthest, const Lanes& s) noexcept {
   store4(s.y, standing.y.data());
   standing.crossing = s;
   standing.path = path_;
+  standing.summed = -1;
   settled_[i] = std::min(farthest, until(s, s.stays));
   standing.holds = until(s, s.holds);
 }
@@ -148,7 +159,14 @@ void ContactModel::take_settled(const Standing& standing, Lanes& s) noexcept {
   if (s.tissue < 0) std::copy_n(standing.of_tissue, kTissueCount, s.of_tissue);
 }
 
-// Puts what is covered into the contact, tissue by tissue.
+// Puts what is covered into the contact, as sums.
+void ContactModel::add_sums(const Standing& standing) noexcept {
+  held_ = std::min(held_, standing.holds - way_);
+  if (standing.summed > 0)
+    contact_.add_advancing(standing.sums, standing.summed, standing.tissue, false);
+}
+
+// The same tissue by tissue, each piece apart.
 void ContactModel::add_covered(const Pieces& pieces, int first, const Lanes& s) noexcept {
   const CoveredPart<Float4> all{s.share, s.x, s.y};
   if (s.tissue >= 0) {

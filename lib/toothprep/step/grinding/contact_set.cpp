@@ -46,6 +46,19 @@ void ContactSet::Sums::add(const Element& e) noexcept {
   feed[15] += e.area;
 }
 
+ContactSet::Sums ContactSet::sums_of(const FourElements& e, Float4 share) noexcept {
+  const Float4 w = share * e.weight, x = w * e.nx, y = w * e.ny, z = w * e.nz;
+  Float4 rows[16] = {e.tx * x,  e.tx * y,  e.tx * z,  e.ty * x, e.ty * y, e.ty * z,
+                     e.nx * x,  e.nx * y,  e.nx * z,  e.ny * y, e.ny * z, e.nz * z,
+                     e.arm * x, e.arm * y, e.arm * z, e.arm * w};
+  Sums sums;
+  for (int i = 0; i < 16; i += 4) {
+    transpose(rows[i], rows[i + 1], rows[i + 2], rows[i + 3]);
+    store4((rows[i] + rows[i + 1]) + (rows[i + 2] + rows[i + 3]), sums.feed.data() + i);
+  }
+  return sums;
+}
+
 void ContactSet::clear() noexcept {
   if (nonlinear_) nonlinear_->clear();
   if (advancing_ > 0) sums_ = {};
