@@ -447,16 +447,20 @@ void ContactModel::settle(const Scan& scan, int i) noexcept {
     divide(scan, i);
 }
 
+// Whether all of element i advances with every v that covers() allows, so that sums tell all of it.
+bool ContactModel::surely_advances(const Scan& scan, int i) const noexcept {
+  if (!contact_.is_linear()) return false;
+  const float surely = advance_[i] - range_[i] - kMarginSine * scan.speed;
+  if (!scan.turns) return surely > 0;
+  const float turning = mx_[i] * scan.omega.x() + my_[i] * scan.omega.y() + mz_[i] * scan.omega.z();
+  const float spread = scan.omega.norm() * (elements_.half_along[i] + elements_.half_around[i]);
+  return surely > turning &&
+         static_cast<float>(kLeastSpeed) * (surely - turning) >= std::max(spread - turning, 0.0f);
+}
+
 // Element i in one tissue.
 void ContactModel::add_whole(const Scan& scan, int i, int tissue, float share) noexcept {
-  const float turning =
-      scan.turns ? mx_[i] * scan.omega.x() + my_[i] * scan.omega.y() + mz_[i] * scan.omega.z() : 0;
-  const float spread =
-      scan.turns ? scan.omega.norm() * (elements_.half_along[i] + elements_.half_around[i]) : 0;
-  // With every v that covers() allows.
-  const float surely = advance_[i] - turning - range_[i] - kMarginSine * scan.speed;
-  if (contact_.is_linear() && share == 1 && surely > 0 &&
-      static_cast<float>(kLeastSpeed) * surely >= std::max(spread - turning, 0.0f)) {
+  if (share == 1 && surely_advances(scan, i)) {
     contact_.add_advancing(sums_[i], 1, tissue, scan.turns);
     return;
   }

@@ -161,6 +161,7 @@ class ContactModel {
   void note_found(const Scan& scan, int lane, const Look& look) noexcept;
   float look_for_tissue(const Scan& scan, int i, const Index3& cell, const Eigen::Vector3f& at,
                         const Eigen::Vector3f& ahead, Standing& standing) noexcept;
+  bool surely_advances(const Scan& scan, int i) const noexcept;
   void add_whole(const Scan& scan, int i, int tissue, float share) noexcept;
   void divide(const Scan& scan, int i) noexcept;
   void feed(const Scan& scan, const Pieces& pieces, int first, Lanes& lanes) const noexcept;
@@ -219,7 +220,7 @@ class ContactModel {
                                           const CoveredPart<Float4>& part,
                                           const Lanes& lanes) noexcept;
   void add_covered(const Pieces& pieces, int first, const Lanes& lanes) noexcept;
-  void add_sums(const Standing& standing) noexcept;
+  void add_sums(const Scan& scan, const Standing& standing) noexcept;
 
   SurfaceElements elements_;
   ContactSet contact_;

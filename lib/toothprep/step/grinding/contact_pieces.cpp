@@ -53,10 +53,8 @@ Float4 floor_too_high(const Float4& value, const Float4& rise, float voxel) {
 void ContactModel::divide(const Scan& scan, int i) noexcept {
   const SurfaceElements& e = elements_;
   Standing& standing = standing_[i];
-  // Whether all of it does with every velocity that covers() allows, so that sums tell all of it.
-  const bool advances = !scan.turns && been_.empty() && !scan.retraced && contact_.is_linear() &&
-                        advance_[i] - range_[i] > kMarginSine * scan.speed;
-  if (advances && standing.summed >= 0 && way_ < settled_[i]) return add_sums(standing);
+  const bool by_sums = been_.empty() && !scan.retraced && surely_advances(scan, i);
+  if (by_sums && standing.summed >= 0 && way_ < settled_[i]) return add_sums(scan, standing);
   const bool strips = e.curvature_along[i] == 0 && (standing.strips || found_[i] == Found::kInside);
   const Pieces& pieces = strips ? strips_ : squares_;
   const int first = i * kPieces;
@@ -90,13 +88,13 @@ void ContactModel::divide(const Scan& scan, int i) noexcept {
   lanes.share = felt ? lanes.share : Float4{};
   if (advance_[i] < range_[i]) cover_advancing(pieces, first, lanes);
   if (!been_.empty() || scan.retraced) leave_out_where_it_was(scan, pieces, first, lanes);
-  if (!advances || lanes.tissue < 0) return add_covered(pieces, first, lanes);
+  if (!by_sums || lanes.tissue < 0) return add_covered(pieces, first, lanes);
   const Int4 counts = lanes.share > kLeastShare;
   const CoveredPart<Float4> part{lanes.share, lanes.x, lanes.y};
-  standing.sums =
-      ContactSet::sums_of(middles(pieces, first, part, lanes), counts ? lanes.share : Float4{});
+  standing.sums = ContactSet::sums_of(middles(pieces, first, part, lanes),
+                                      counts ? lanes.share : Float4{}, scan.turns);
   standing.summed = -(counts[0] + counts[1] + counts[2] + counts[3]);
-  add_sums(standing);
+  add_sums(scan, standing);
 }
 
 // What is covered of the pieces, and in which tissue.
@@ -160,10 +158,10 @@ void ContactModel::take_settled(const Standing& standing, Lanes& s) noexcept {
 }
 
 // Puts what is covered into the contact, as sums.
-void ContactModel::add_sums(const Standing& standing) noexcept {
+void ContactModel::add_sums(const Scan& scan, const Standing& standing) noexcept {
   held_ = std::min(held_, standing.holds - way_);
   if (standing.summed > 0)
-    contact_.add_advancing(standing.sums, standing.summed, standing.tissue, false);
+    contact_.add_advancing(standing.sums, standing.summed, standing.tissue, scan.turns);
 }
 
 // The same tissue by tissue, each piece apart.

@@ -46,16 +46,26 @@ void ContactSet::Sums::add(const Element& e) noexcept {
   feed[15] += e.area;
 }
 
-ContactSet::Sums ContactSet::sums_of(const FourElements& e, Float4 share) noexcept {
+ContactSet::Sums ContactSet::sums_of(const FourElements& e, Float4 share, bool turns) noexcept {
   const Float4 w = share * e.weight, x = w * e.nx, y = w * e.ny, z = w * e.nz;
-  Float4 rows[16] = {e.tx * x,  e.tx * y,  e.tx * z,  e.ty * x, e.ty * y, e.ty * z,
-                     e.nx * x,  e.nx * y,  e.nx * z,  e.ny * y, e.ny * z, e.nz * z,
-                     e.arm * x, e.arm * y, e.arm * z, e.arm * w};
+  const auto put_four = [](Float4 a, Float4 b, Float4 c, Float4 d, float* to) {
+    transpose(a, b, c, d);
+    store4((a + b) + (c + d), to);
+  };
   Sums sums;
-  for (int i = 0; i < 16; i += 4) {
-    transpose(rows[i], rows[i + 1], rows[i + 2], rows[i + 3]);
-    store4((rows[i] + rows[i + 1]) + (rows[i + 2] + rows[i + 3]), sums.feed.data() + i);
-  }
+  float* const feed = sums.feed.data();
+  put_four(e.tx * x, e.tx * y, e.tx * z, e.ty * x, feed);
+  put_four(e.ty * y, e.ty * z, e.nx * x, e.nx * y, feed + 4);
+  put_four(e.nx * z, e.ny * y, e.ny * z, e.nz * z, feed + 8);
+  put_four(e.arm * x, e.arm * y, e.arm * z, e.arm * w, feed + 12);
+  if (!turns) return sums;
+  const Float4 mx = w * e.mx, my = w * e.my, mz = w * e.mz;
+  float* const turn = sums.turn.data();
+  put_four(e.tx * mx, e.tx * my, e.tx * mz, e.ty * mx, turn);
+  put_four(e.ty * my, e.ty * mz, e.nx * mx, e.nx * my, turn + 4);
+  put_four(e.nx * mz, e.ny * mx, e.ny * my, e.ny * mz, turn + 8);
+  put_four(e.nz * mx, e.nz * my, e.nz * mz, e.arm * mx, turn + 12);
+  put_four(e.arm * my, e.arm * mz, Float4{}, Float4{}, turn + 16);
   return sums;
 }
 

@@ -69,8 +69,8 @@ class ContactSet {
     Float4 nx, ny, nz, mx, my, mz, tx, ty, weight, arm;  // as of ContactElement
   };
   void add_four(const FourElements& elements, int tissue, Float4 share, float least_share) noexcept;
-  // What those of them make together whose share isn't 0; of `turn` nothing.
-  static Sums sums_of(const FourElements& elements, Float4 share) noexcept;
+  // What they make together by their shares; `turns`: with `turn`, else that is 0.
+  static Sums sums_of(const FourElements& elements, Float4 share, bool turns) noexcept;
   // Elements that advance whatever the velocity that the set will be asked about, and lie in one
   // tissue: they cost next to nothing. Only of a linear set.
   void add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept;
