@@ -188,10 +188,10 @@ class ContactModel {
   static void cover_by(const Slots& slots, const Int4& one, const Int4& two, Lanes& lanes) noexcept;
   void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far, const Int4& wanted,
                      Lanes& lanes) const noexcept;
-  static void cover_grooves(const Scan& scan, const CutOfPieces& cut, const Place& far,
+  static Int4 cover_corners(const Scan& scan, const CutOfPieces& cut, const Place& far,
                             const Int4& wanted, Lanes& lanes) noexcept;
-  static Int4 is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
-                        const Probe& other) noexcept;
+  static Int4 meet(const CutOfPieces& cut, const Probe& middle, const Probe& one,
+                   const Probe& other, bool in_groove) noexcept;
   static Wall look_at_wall(const Scan& scan, const CutOfPieces& cut, const Displaced& at,
                            const Place& far, const Int4& wanted) noexcept;
   void cover_ridges(const Scan& scan, const CutOfPieces& cut, const FourSamples& there,

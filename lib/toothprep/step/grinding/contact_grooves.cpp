@@ -48,12 +48,18 @@ struct ContactModel::Probe {
     sample = f.gradients(in_cells);
     at_middle = sample.value - (sample.gx * x + sample.gy * y + sample.gz * z);
   }
+  // Of what is found, not of the cells.
+  void replace(const Int4& where, const Probe& by) {
+    in_cells.replace(where, by.in_cells);
+    sample.replace(where, by.sample);
+    at_middle = where ? by.at_middle : at_middle;
+  }
 };
 
-// Whether what two probes found are floor and wall of a groove in which the middle lies: linear, they are what the
-// lattice has there.
-Int4 ContactModel::is_groove(const CutOfPieces& cut, const Probe& middle, const Probe& one,
-                             const Probe& other) noexcept {
+// Whether what two probes found are floor and wall of a groove in which the middle lies, or of an edge of tissue: linear,
+// they are what the lattice has there.
+Int4 ContactModel::meet(const CutOfPieces& cut, const Probe& middle, const Probe& one,
+                        const Probe& other, bool in_groove) noexcept {
   const auto stands_alone = [&](const FourSamples& g) {
     return (dot(g, g) > kLeastSlope) & (kAlong * magnitude(cut.rise_on_way(g)) < 1);
   };
@@ -71,14 +77,15 @@ Int4 ContactModel::is_groove(const CutOfPieces& cut, const Probe& middle, const 
       const FourSamples& g = wall.in_cells;
       return wall.at_middle + g.gx * dx + g.gy * dy + g.gz * dz;
     };
-    error = greatest(error, magnitude(middle.cells.corner(k) - least(of(one), of(other))));
+    const Float4 both = in_groove ? least(of(one), of(other)) : greatest(of(one), of(other));
+    error = greatest(error, magnitude(middle.cells.corner(k) - both));
   }
   return two & (error < kFits * cut.voxel);
 }
 
 // Divides pieces in which a groove lies by both of its walls. `far`: their middles, so far ahead that the bur's own
 // print is out of the way, in voxels.
-void ContactModel::cover_grooves(const Scan& scan, const CutOfPieces& cut, const Place& far,
+Int4 ContactModel::cover_corners(const Scan& scan, const CutOfPieces& cut, const Place& far,
                                  const Int4& wanted, Lanes& s) noexcept {
   const PieceAxes& axes = cut.axes;
   const Probe middle(scan, far, Float4{}, Float4{}, Float4{}, wanted);
@@ -101,36 +108,45 @@ void ContactModel::cover_grooves(const Scan& scan, const CutOfPieces& cut, const
   lx *= per_length, ly *= per_length, lz *= per_length;
   const Float4 dx = ly * uz - lz * uy, dy = lz * ux - lx * uz, dz = lx * uy - ly * ux;
 
+  Int4 found{};
   for (const float voxels : kProbesBeside) {
-    if (!any(left)) return;
-    // To that side on which the place is deeper in the void.
+    if (!any(left)) break;
+    // To either side, that first on which the place is deeper in the void.
+    struct Sides {
+      Probe deeper, other;
+    };
     const auto beside = [&](const Float4& x, const Float4& y, const Float4& z) {
       const float way = voxels * cut.voxel;
-      Probe probe(scan, far, way * x, way * y, way * z, left);
-      const Probe opposite(scan, far, -way * x, -way * y, -way * z, left);
-      const Int4 deeper = opposite.sample.value > probe.sample.value;
-      probe.sample.replace(deeper, opposite.sample);
-      probe.in_cells.replace(deeper, opposite.in_cells);
-      probe.at_middle = deeper ? opposite.at_middle : probe.at_middle;
-      return probe;
+      Sides sides{Probe(scan, far, way * x, way * y, way * z, left),
+                  Probe(scan, far, -way * x, -way * y, -way * z, left)};
+      const Int4 turned = sides.other.sample.value > sides.deeper.sample.value;
+      const Probe first = sides.deeper;
+      sides.deeper.replace(turned, sides.other), sides.other.replace(turned, first);
+      return sides;
     };
-    const Probe walls[2] = {beside(lx, ly, lz), beside(dx, dy, dz)};
-    const Int4 groove = left & is_groove(cut, middle, walls[0], walls[1]);
-    if (!any(groove)) continue;
-    left &= ~groove;
+    const Sides along = beside(lx, ly, lz), across = beside(dx, dy, dz);
+    const Int4 groove = left & meet(cut, middle, along.deeper, across.deeper, true),
+               edge = left & ~groove & meet(cut, middle, along.other, across.other, false);
+    const Int4 both = groove | edge;
+    if (!any(both)) continue;
+    left &= ~both, found |= both;
     s.groove |= groove;
-    s.rise = groove ? Float4{} : s.rise;
-    for (int wall = 0; wall < 2; ++wall) {
-      const Borders border = cut.borders(walls[wall].at_middle + cut.swept_wall(),
-                                         walls[wall].sample, Float4{}, Float4{});
-      (wall == 0 ? s.cut : s.beside).replace(groove, cut.without_thin(border));
+    s.rise = both ? Float4{} : s.rise;
+    for (const Sides* sides : {&along, &across}) {
+      Probe wall = sides->deeper;
+      wall.replace(edge, sides->other);
+      const Float4 out = cut.straight ? cut.stands_out(wall.sample) : cut.swept_wall();
+      const Borders border = cut.borders(wall.at_middle + (groove ? cut.swept_wall() : out),
+                                         wall.sample, Float4{}, Float4{});
+      (sides == &along ? s.cut : s.beside).replace(both, cut.without_thin(border));
     }
     for (int p = 0; p < kPieces; ++p) {
-      if (!groove[p]) continue;
+      if (!both[p]) continue;
       const CoveredPart<float> part = s.under_all(p, DividingLine::none());
       s.share[p] = part.share, s.x[p] = part.x, s.y[p] = part.y;
     }
   }
+  return found;
 }
 
 }  // namespace toothprep

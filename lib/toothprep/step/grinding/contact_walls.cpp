@@ -88,8 +88,8 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
     if (leaves_slots_ && any(beside_slots))
       others &= ~cover_by_slots(scan, cut, ahead(way_there),
                                 way_there * (advance + 0.5f * bend * way_there), beside_slots, s);
-    if (any(others & clear)) cover_grooves(scan, cut, ahead(way_there), others & clear, s);
-    others &= ~s.groove;
+    if (any(others & clear))
+      others &= ~cover_corners(scan, cut, ahead(way_there), others & clear, s);
   }
   others &= clear;
   if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
