@@ -233,6 +233,29 @@ struct ContactModel::Slots {
       of = {where ? l : of.l, where ? h : of.h};
     }
   }
+  // A cell tells of a slot's floor or of its wall alone: the other from a value of the middle cell that the slots don't
+  // make. Of these pieces, those for which so many slots make all values then.
+  Int4 explain_by_another_face(int slots, Int4 open) {
+    Place& of = origin[slots - 1];
+    Int4 good{};
+    for (int k = 0; k < kCorners && any(open); ++k) {
+      const Place at = corner(0, k);
+      const Float4 has = cells[0].corner(k), off = magnitude(sample(slots, at).value - has);
+      const Int4 unlike = open & (off > kExplained * cut.voxel) & ~is_print(0, k) &
+                          (magnitude(has) < kFarOff * cut.voxel);
+      for (int face = -1; face <= 1 && any(unlike & open); ++face) {
+        const Place before = of;
+        if (face == 0)
+          of.h = at.h - has;
+        else
+          of.l = at.l - static_cast<float>(face) * slot.wall_at(at.h - of.h, has);
+        const Int4 found = explain(slots, unlike & open);
+        of = {found ? of.l : before.l, found ? of.h : before.h};
+        good |= found, open &= ~found;
+      }
+    }
+    return good;
+  }
   // The slot that a cell tells of, where there is one; with those before it makes the cell's values.
   Int4 find(int number, int cell, const Int4& where) {
     Int4 counts[kCells] = {};
@@ -342,12 +365,17 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     slots.improve(0, counts, all4(kUnlimited));
     alone |= slots.explain(1, first & ~alone);
     alone |= slots.leaves_nothing(first & ~alone);
+    if (!slot_->edge().draws()) alone |= slots.explain_by_another_face(1, first & ~alone);
     one |= alone, left &= ~alone;
     Int4 open = first & left;
     if (any(open)) read_all();
     for (int other = 0; other < kCells && any(open); ++other) {
       Int4 both = slots.find(1, other, open & ~counts[other]);
-      if (any(both)) both = slots.explain(2, both);
+      if (any(both)) {
+        const Int4 by_other = both;
+        both = slots.explain(2, both);
+        if (!slot_->edge().draws()) both |= slots.explain_by_another_face(2, by_other & ~both);
+      }
       two |= both, left &= ~both, open &= ~both;
     }
     left &= ~(first & tried);

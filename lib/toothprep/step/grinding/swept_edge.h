@@ -30,11 +30,12 @@ class SweptEdge {
     constexpr double kLeastLean = 3e-3;  // sine
     const double across = std::hypot(along.x(), along.y());
     draws_ = std::abs(along.z()) > kLeastLean;
-    if (!draws_) return;
     const Vec3 feed = across > kLeastLean ? Vec3(along / across) : Vec3::UnitX();
     beside_ = Vec3(feed.y(), -feed.x(), 0).cast<float>();
     axis_ = Vec3(-along.z() * feed.x(), -along.z() * feed.y(), across).cast<float>();
-    lean_ = f(along.z() * along.z()), across_ = f(across), per_height_ = f(1 / along.z());
+    lean_ = f(along.z() * along.z()), across_ = f(across);
+    if (!draws_) return;
+    per_height_ = f(1 / along.z());
     square_ = out_z_ * out_z_ * across_ * across_ - lean_ * out_r_ * out_r_;
     lowest_ = Angle(normal_before_, across_), highest_ = Angle(normal_after_, across_);
   }

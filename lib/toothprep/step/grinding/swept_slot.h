@@ -18,8 +18,7 @@ class SweptSlot {
     constexpr float kLeastAcross = 0.8f, kSteepest = 0.9f;  // sines
     edge_.move(along);
     const float across = edge_.across(), normal = edge_.normal_after();
-    if (!edge_.draws() || across < kLeastAcross || std::abs(normal) > kSteepest * across)
-      return false;
+    if (across < kLeastAcross || std::abs(normal) > kSteepest * across) return false;
     wall_h_ = normal / across, wall_l_ = std::sqrt(1 - wall_h_ * wall_h_);
     to_wall_ = edge_.radius() * std::sqrt(1 - normal * normal);
     return true;
@@ -35,18 +34,27 @@ class SweptSlot {
     }
   };
   Sample at(const Place& p) const {
-    const SweptEdge::Sample e = edge_.at(p);
     const Float4 wall = turned_where_negative(p.l, all4(wall_l_));
     Sample s{to_wall_ - wall_h_ * p.h - wall * p.l, {-wall, all4(-wall_h_)}};
+    if (!edge_.draws()) {  // then the end's face leaves the floor
+      s.replace(p.h < s.value, {p.h, {Float4{}, all4(1)}});
+      return s;
+    }
+    const SweptEdge::Sample e = edge_.at(p);
     s.replace(e.counts, {-e.distance, {-e.gradient.l, -e.gradient.h}});
     return s;
+  }
+  // How far aside (mm) that wall lies at this height on which the field has a value.
+  Float4 wall_at(const Float4& h, const Float4& value) const {
+    return (to_wall_ - value - wall_h_ * h) / wall_l_;
   }
   // A place that has this field. On a wall, far above the edge.
   Place place_of(const Sample& s) const {
     const Float4 square = s.gradient.l * s.gradient.l + s.gradient.h * s.gradient.h,
                  per_slope = -1 / square_root(greatest(square, all4(kLeastSquare)));
-    const Place normal = per_slope * s.gradient, floor = edge_.contact(-s.value, normal);
-    const Float4 beside = (to_wall_ - s.value - wall_h_ * kAbove) / wall_l_;
+    const Place normal = per_slope * s.gradient,
+                floor = edge_.draws() ? edge_.contact(-s.value, normal) : Place{Float4{}, s.value};
+    const Float4 beside = wall_at(all4(kAbove), s.value);
     const Int4 wall = normal.h > wall_h_ - kNoise;
     return {wall ? turned_where_negative(normal.l, beside) : floor.l,
             wall ? all4(kAbove) : floor.h};
