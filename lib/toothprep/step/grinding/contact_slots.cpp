@@ -115,6 +115,9 @@ struct ContactModel::Slots {
            least(all4(kAbovePrint * cut.voxel), kPartToPrint * from_print);
   }
   // In the middle of a cell.
+  Place middle_place(int cell) const {
+    return first[cell] + all4(0.5f) * (side[0] + side[1] + side[2]);
+  }
   Float4 middle_of(int cell) const {
     const Float4 half = all4(0.5f);
     return cells[cell].at(half, half, half).value;
@@ -179,8 +182,7 @@ struct ContactModel::Slots {
              per_square * in_cell.gz * of_side[2];
     };
     const SweptSlot::Sample s{in_cell.value, sum(side)};
-    const Place middle = first[cell] + half * (side[0] + side[1] + side[2]),
-                from = middle - slot.place_of(s);
+    const Place from = middle_place(cell) - slot.place_of(s);
     origin[number].l = where ? from.l : origin[number].l;
     origin[number].h = where ? from.h : origin[number].h;
     Int4 values{};
@@ -233,28 +235,27 @@ struct ContactModel::Slots {
       of = {where ? l : of.l, where ? h : of.h};
     }
   }
-  // A cell tells of a slot's floor or of its wall alone: the other from a value of the middle cell that the slots don't
-  // make. Of these pieces, those for which so many slots make all values then.
-  Int4 explain_by_another_face(int slots, Int4 open) {
-    Place& of = origin[slots - 1];
-    Int4 good{};
-    for (int k = 0; k < kCorners && any(open); ++k) {
-      const Place at = corner(0, k);
-      const Float4 has = cells[0].corner(k), off = magnitude(sample(slots, at).value - has);
-      const Int4 unlike = open & (off > kExplained * cut.voxel) & ~is_print(0, k) &
-                          (magnitude(has) < kFarOff * cut.voxel);
-      for (int face = -1; face <= 1 && any(unlike & open); ++face) {
-        const Place before = of;
-        if (face == 0)
-          of.h = at.h - has;
-        else
-          of.l = at.l - static_cast<float>(face) * slot.wall_at(at.h - of.h, has);
-        const Int4 found = explain(slots, unlike & open);
-        of = {found ? of.l : before.l, found ? of.h : before.h};
-        good |= found, open &= ~found;
+  // A cell tells of a slot's floor alone, or of a wall: the other is where the slot makes nowhere more void than the
+  // lattice has.
+  void put_other_face(int number, int cell, const Int4& where) {
+    if (slot.edge().draws() || !any(where)) return;
+    const SweptSlot::Place gradient = slot.at(middle_place(cell) - origin[number]).gradient;
+    const Int4 floor = magnitude(gradient.l) < magnitude(gradient.h);
+    Place& of = origin[number];
+    Float4 highest = of.h, before = all4(kUnlimited), behind = all4(-kUnlimited);
+    for (int c = 0; c < kCellsInPiece; ++c)
+      for (int k = 0; k < kCorners; ++k) {
+        const Place at = corner(c, k);
+        const Float4 has = cells[c].corner(k);
+        const Int4 more = slot.at(at - of).value - has > kLessVoid * cut.voxel;
+        const Float4 aside = slot.wall_at(at.h - of.h, has);
+        highest = more ? greatest(highest, at.h - has) : highest;
+        before = more ? least(before, at.l - aside) : before;
+        behind = more ? greatest(behind, at.l + aside) : behind;
       }
-    }
-    return good;
+    const Float4 nearer = of.l - before < behind - of.l ? before : behind;
+    of.h = where & ~floor ? highest : of.h;
+    of.l = where & floor & (magnitude(nearer) < kUnlimited) ? nearer : of.l;
   }
   // The slot that a cell tells of, where there is one; with those before it makes the cell's values.
   Int4 find(int number, int cell, const Int4& where) {
@@ -365,17 +366,17 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     slots.improve(0, counts, all4(kUnlimited));
     alone |= slots.explain(1, first & ~alone);
     alone |= slots.leaves_nothing(first & ~alone);
-    if (!slot_->edge().draws()) alone |= slots.explain_by_another_face(1, first & ~alone);
+    slots.put_other_face(0, cell, first & ~alone);
+    alone |= slots.explain(1, first & ~alone);
     one |= alone, left &= ~alone;
     Int4 open = first & left;
     if (any(open)) read_all();
     for (int other = 0; other < kCells && any(open); ++other) {
       Int4 both = slots.find(1, other, open & ~counts[other]);
-      if (any(both)) {
-        const Int4 by_other = both;
-        both = slots.explain(2, both);
-        if (!slot_->edge().draws()) both |= slots.explain_by_another_face(2, by_other & ~both);
-      }
+      const Int4 partly = both;
+      if (any(both)) both = slots.explain(2, both);
+      slots.put_other_face(1, other, partly & ~both);
+      both |= slots.explain(2, partly & ~both);
       two |= both, left &= ~both, open &= ~both;
     }
     left &= ~(first & tried);
