@@ -36,7 +36,7 @@ constexpr float kAsOwn = 0.1f;
 constexpr float kThinSlot = 0.005f;
 
 // Where none are found it isn't tried again for so much of the way (voxels).
-constexpr double kNoSlots = 1;
+constexpr double kNoSlots = 2;
 
 // Cells are looked at in a piece's middle and near its corners (of half its extents); and so far beyond these (voxels),
 // where a slot stands alone.
