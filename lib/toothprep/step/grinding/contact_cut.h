@@ -20,6 +20,8 @@ constexpr float kFlat = 1e-3f;  // 1/mm; keeps a division defined
 // A border may cross a piece where the field in its middle is this many times its half range from zero.
 constexpr float kMayCross = 1.5f;
 
+// A wall crosses the surface at more than this angle (sine squared), else it may be what the bur left here itself.
+constexpr float kCrosses = 0.1f;
 constexpr float kWithinPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
 inline Float4 within(const Float4& value, const Float4& bound) {
   return least(greatest(value, -bound), bound);
@@ -251,6 +253,13 @@ struct ContactModel::CutOfPieces {
     const FourSamples g = field(by, Float4{}, Float4{}, Float4{});
     return borders(g.value, g, Float4{}, Float4{});
   }
+  // Of a border, how much the field changes over 1 mm across it on the surface, squared; and whether that is so much that
+  // its wall crosses the surface.
+  Float4 slope_squared(const Borders& border) const {
+    const Float4 along = border.along / half_along, around = border.around / half_around;
+    return along * along + around * around;
+  }
+  Int4 crosses(const Borders& border) const { return slope_squared(border) > kCrosses; }
   // The border of a wall that stands alone, so that what may be no chip is none.
   Borders without_thin(Borders border) const {
     const Float4 thick = magnitude(border.along) + magnitude(border.around) - border.value;

@@ -278,6 +278,8 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
   const float from_edge = s.edge > 0 ? -1 : 1;
   Part parts[kAllParts];
   Float4 thick{};
+  Borders border{};  // as straight as it is on the whole
+  float xx = 0, yy = 0;
   for (int k = 0; k < kAllParts; ++k) {
     Part& part = parts[k];
     const int row = k / kParts, column = k % kParts;
@@ -297,11 +299,17 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
                    part.half_around * along(wide * slots.around + 2 * y * slots.bent_around)};
     thick = greatest(
         thick, magnitude(part.border.along) + magnitude(part.border.around) - part.border.value);
+    const float weight = part.half_along * part.half_around;
+    border.value += weight * part.border.value;
+    border.along += weight * part.x * part.border.value, xx += weight * part.x * part.x;
+    border.around += weight * part.y * part.border.value, yy += weight * part.y * part.y;
   }
-  const Float4 doubt = doubt_of_thin(thick, kThinSlot * cut.voxel);
+  border.along *= 1 / xx, border.around *= 1 / yy;
+  // A floor or a step that crosses a straight side goes on beside a piece that it hardly touches.
+  const Int4 goes_on = cut.straight ? cut.crosses(border) & ~s.at_edge : Int4{};
+  const Float4 doubt = goes_on ? Float4{} : doubt_of_thin(thick, kThinSlot * cut.voxel);
+  border.value += doubt;
   CoveredPart<Float4> sum{};
-  Borders border{};  // as straight as it is on the whole
-  float xx = 0, yy = 0;
   for (Part& part : parts) {
     const float weight = part.half_along * part.half_around;
     part.border.value += doubt;
@@ -309,16 +317,13 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
     sum.share += weight * covered.share;
     sum.x += weight * covered.share * (part.x + part.half_along * covered.x);
     sum.y += weight * covered.share * (part.y + part.half_around * covered.y);
-    border.value += weight * part.border.value;
-    border.along += weight * part.x * part.border.value, xx += weight * part.x * part.x;
-    border.around += weight * part.y * part.border.value, yy += weight * part.y * part.y;
   }
   const Float4 per_share = 1 / greatest(sum.share, all4(kLeastShare));
   const Int4 where = one | two;
   s.by_slots |= where;
   s.rise = where ? Float4{} : s.rise;
   s.cover(where, {sum.share, per_share * sum.x, per_share * sum.y});
-  s.cut.replace(where, {border.value, (1 / xx) * border.along, (1 / yy) * border.around});
+  s.cut.replace(where, border);
 }
 
 // Pieces of which one slot or two are all that there is; the others are left. `far`: their middles, so far ahead that

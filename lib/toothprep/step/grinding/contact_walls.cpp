@@ -16,11 +16,11 @@ namespace {
 // groove or a slot.
 constexpr float kFromPrint = 2.5f, kGrooveFromPrint = 4.5f;
 // Of a piece that less than this was found to be covered of, a wall takes off. It adds to it only at a sharp edge, on a
-// flat end and on a straight side, where it crosses the surface at more than this angle (sine squared): else it may be
-// what this part of the bur left itself. On a straight side, away from its edges, such a wall is a floor or a step of an
-// earlier layer, and thin is only what it leaves of the piece. On a flat end it must be as straight as this in its cell
-// (voxels), which isn't the narrow ellipse that the end itself leaves when it leans.
-constexpr float kLeastWithWall = 0.05f, kCrosses = 0.1f, kLinear = 0.1f;
+// flat end and on a straight side, where it crosses the surface: else it may be what this part of the bur left itself. On
+// a straight side, away from its edges, such a wall is a floor or a step of an earlier layer, and thin is only what it
+// leaves of the piece. On a flat end it must be as straight as this in its cell (voxels), which isn't the narrow ellipse
+// that the end itself leaves when it leans.
+constexpr float kLeastWithWall = 0.05f, kLinear = 0.1f;
 // The walls of a ridge are looked at so far from it (voxels), where no cell holds both: each at the nearest place where
 // the next one confirms it. They meet in a ridge if each lies that far (voxels) within the other.
 constexpr float kAside[] = {1.5f, 2.25f, 3, 3.75f}, kApart = 0.05f;
@@ -32,13 +32,6 @@ constexpr float kFlattened = 0.2f;
 constexpr float kTaken = 0.01f;
 // Or where the bur went over it deeper than this (voxels).
 constexpr double kInsideSweep = 0.002;
-
-// Of a field, how much it changes over 1 mm across a border on the surface, squared.
-Float4 square_of(float half_along, const Float4& half_around, const Float4& along,
-                 const Float4& around) {
-  const Float4 by_along = along / half_along, by_around = around / half_around;
-  return by_along * by_along + by_around * by_around;
-}
 
 }  // namespace
 
@@ -126,16 +119,14 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
   Int4 may_be_ridge =
       along & (known ? away < reach + kFlattened * cut.voxel : (away < reach) & ~crossed);
   if (any(crossed)) {
-    const Float4 per_square = -border.value / greatest(square_of(cut.half_along, cut.half_around,
-                                                                 border.along, border.around),
-                                                       all4(kLeastExtent));
+    const Float4 per_square =
+        -border.value / greatest(cut.slope_squared(border), all4(kLeastExtent));
     const Displaced on_border = cut.on_surface(
         within(per_square * border.along / cut.half_along, all4(kWithinPiece * cut.half_along)),
         within(per_square * border.around / cut.half_around, kWithinPiece * cut.half_around));
     const Wall found = look_at_wall(scan, cut, on_border, far, crossed);
     border.replace(crossed, cut.borders(found));
-    const Int4 steep =
-        square_of(cut.half_along, cut.half_around, border.along, border.around) > kCrosses;
+    const Int4 steep = cut.crosses(border);
     const Int4 of_layer = cut.straight ? steep & ~s.at_edge : Int4{},
                found_little = ((s.share <= kLeastWithWall) & ~of_layer) | s.at_edge;
     border.replace(found_little, cut.without_thin(border));
@@ -198,9 +189,7 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
                                 const Borders& border, const Place& far, const Int4& wanted,
                                 Lanes& s) const noexcept {
   // From where the border passes the middle.
-  const Float4 to_border = -border.value / greatest(square_of(cut.half_along, cut.half_around,
-                                                              border.along, border.around),
-                                                    all4(kLeastExtent));
+  const Float4 to_border = -border.value / greatest(cut.slope_squared(border), all4(kLeastExtent));
   const Displaced from =
       cut.on_surface(within(to_border * border.along / cut.half_along, all4(cut.half_along)),
                      within(to_border * border.around / cut.half_around, cut.half_around));
