@@ -263,7 +263,9 @@ struct ContactModel::Slots {
     counts[cell] = begin(number, cell, where);
     if (!any(counts[cell])) return counts[cell];
     for (int i = 0; i < kSteps; ++i) improve(number, counts, all4(kUnlimited));
-    return explain(number + 1, cell, counts[cell]);
+    const Int4 found = explain(number + 1, cell, counts[cell]), open = counts[cell] & ~found;
+    put_other_face(number, cell, open);
+    return found | explain(number + 1, cell, open);
   }
 };
 
