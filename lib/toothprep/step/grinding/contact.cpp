@@ -19,8 +19,6 @@ constexpr float kRounding = 1e-6f;  // of the speed
 constexpr double kLookAhead = 0.8;
 // A head has a sharp edge where its outline turns by more than this (sine).
 constexpr double kSharpEdge = 0.3;
-// Its end is flat if the outline rises there by no more than this (sine).
-constexpr double kFlatEnd = 1e-3;
 constexpr double kDoubted = 0.005;  // mm of way after a cut, within which all is looked at anew
 // The way's curvature is taken over so much of it, mm. What lies ahead is taken to be straight as long as that bends
 // by less than this (voxels), and no farther than this (mm).
@@ -55,6 +53,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
       contact_(kPieces * kTissueCount * elements_.size(), tissue, false),
       walls_(bur.profile()),
       bur_(bur),
+      slot_(SweptSlot::of(bur.profile())),
       look_ahead_(kLookAhead * kPiecesAcross * piece_size),
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {
@@ -103,14 +102,11 @@ void ContactModel::add_element(std::size_t i) {
   }
 }
 
-// Which elements lie at a sharp edge, and whether one bounds a flat end.
+// Which elements lie at a sharp edge.
 void ContactModel::note_edges(const Bur& bur) {
   const SurfaceElements& e = elements_;
   edge_.assign(e.size(), 0);
-  const std::vector<SharpEdge> edges = sharp_edges(bur.profile(), kSharpEdge);
-  if (!edges.empty() && std::abs(edges.front().before.along_z) < kFlatEnd)
-    slot_.emplace(SweptEdge(edges.front()));
-  for (const SharpEdge& edge : edges)
+  for (const SharpEdge& edge : sharp_edges(bur.profile(), kSharpEdge))
     for (std::size_t i = 0; i < e.size(); ++i) {
       const double r = static_cast<double>(e.radius[i]);
       const double to_r = edge.after.r - r, to_z = edge.after.z - static_cast<double>(e.z[i]);
