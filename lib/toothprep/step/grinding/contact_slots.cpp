@@ -214,6 +214,21 @@ struct ContactModel::Slots {
     origin[number] = origin[number] + Place{within(per * (lh * error.h - hh * error.l), most),
                                             within(per * (lh * error.l - ll * error.h), most)};
   }
+  // Of these pieces, those for which so many slots, found farther ahead, are what the lattice has here, but for the
+  // bur's own print: where an earlier way bent in between they aren't.
+  Int4 hold_here(int slots, const Lanes& s, Int4 good) const {
+    const float most = kExplained * cut.voxel, far_off = kFarOff * cut.voxel;
+    const Place from = all4(-1) * (s.fx * side[0] + s.fy * side[1] + s.fz * side[2]);
+    const Float4 away = scan.reach * cut.per_speed * s.advance -
+                        (s.fx * rise[0] + s.fy * rise[1] + s.fz * rise[2]);
+    for (int k = 0; k < kCorners && any(good); ++k) {
+      const Float4 has = s.cells->cells.corner(k),
+                   value = sample(slots, from + to_corner(k, side)).value, over = value - has;
+      const Int4 print = has + away + to_corner(k, rise) < kAbovePrint * cut.voxel;
+      good &= (over < most) & (print | (over > -most) | ((has > far_off) & (value > far_off)));
+    }
+    return good;
+  }
   // Puts the first slot where the bur is, as nearly as the lattice says so. Of the pieces `where`, those of which it leaves
   // nothing.
   Int4 are_in_own_slot(const Int4& where) {
@@ -397,6 +412,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     one |= slots.explain(1, open), one |= slots.leaves_nothing(open & ~one);
     if (two[p]) two |= slots.explain(2, open & ~one);
   }
+  one = slots.hold_here(1, s, one), two = slots.hold_here(2, s, two);
   if (any(one | two)) cover_by(slots, one, two, s);
   return found(one | two);
 }
