@@ -18,7 +18,7 @@ constexpr float kExplained = 0.05f;
 constexpr float kLessVoid = 0.01f;
 // What is farther from a slot's surface than this (voxels) says nothing of where it is, and nothing crosses a piece
 // whose middle is this much farther than its rim.
-constexpr float kFarOff = 2.5f, kBeyondRim = 1.5f;
+constexpr float kFarOff = 2.5f, kBeyondRim = 0.5f;
 // A value may be that of the bur's own print if it is no more than this (voxels) above it, nor than this part of how far
 // that is away: on the way back the bur's own slot is little farther. All of a cell is print if its middle isn't that
 // much above. With fewer values of a cell than this it isn't known what slot is there.
@@ -237,10 +237,12 @@ struct ContactModel::Slots {
                 (all4(f.fx) * side[0] + all4(f.fy) * side[1] + all4(f.fz) * side[2]) - from_tip;
     const Int4 may_be = has_its_void(where, kAsOwn);
     if (!any(may_be)) return may_be;
+    const Int4 nothing = leaves_nothing(may_be), open = may_be & ~nothing;
+    if (!any(open)) return nothing;
     Int4 counts[kCells] = {};
-    for (int cell = 0; cell < kCellsInPiece; ++cell) counts[cell] = may_be;
+    for (int cell = 0; cell < kCellsInPiece; ++cell) counts[cell] = open;
     for (int i = 0; i < kSteps; ++i) improve(0, counts, all4(kAsOwn * cut.voxel));
-    return leaves_nothing(may_be);
+    return nothing | leaves_nothing(open);
   }
   // Puts the slots of piece p where those of others are to be.
   void take_over(int p, const Int4& where) {
@@ -277,7 +279,8 @@ struct ContactModel::Slots {
     Int4 counts[kCells] = {};
     counts[cell] = begin(number, cell, where);
     if (!any(counts[cell])) return counts[cell];
-    for (int i = 0; i < kSteps; ++i) improve(number, counts, all4(kUnlimited));
+    for (int i = 0; i < (slot.is_plane() ? 1 : kSteps); ++i)
+      improve(number, counts, all4(kUnlimited));
     const Int4 found = explain(number + 1, cell, counts[cell]), open = counts[cell] & ~found;
     put_other_face(number, cell, open);
     return found | explain(number + 1, cell, open);

@@ -33,6 +33,8 @@ class SweptSlot {
     return true;
   }
   const SweptEdge& edge() const { return edge_; }
+  // Whether it has faces alone.
+  bool is_plane() const { return !edge_.draws() && !(rounding_ > 0); }
 
   struct Sample {
     Float4 value;  // mm, of the slot's field: positive in the void
