@@ -3,6 +3,7 @@
 // four pieces, what is covered is known however narrow the corners are.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/contact_cut.h"
@@ -65,6 +66,13 @@ struct ContactModel::Slots {
   Place first[kCells];     // corners, from the pieces' middles
   Float4 outside[kCells];  // of these from the pieces, along their normal, mm
   Place origin[2];         // of the slots
+  Int4 near{};             // of which pieces they are looked for
+  // What each cell tells of a slot: of which pieces, where it is, and the same with its other face put.
+  struct Told {
+    Int4 of{};
+    Place origin{}, with_other_face{};
+    bool looked = false, put = false;
+  } told[kCells];
 
   Slots(const Scan& in, const CutOfPieces& of, const SweptSlot& swept,
         const ContactModel::Place& middles, const Float4& print)
@@ -173,7 +181,7 @@ struct ContactModel::Slots {
     return good;
   }
   // Puts a slot where a cell's gradient says. Whether there may be one along the motion.
-  Int4 begin(int number, int cell, const Int4& where) {
+  Int4 begin(int cell, const Int4& where, Place& at) const {
     const Float4 half = all4(0.5f);
     const FourSamples in_cell = cells[cell].at(half, half, half);
     const float per_square = 1 / (cut.voxel * cut.voxel);
@@ -183,8 +191,7 @@ struct ContactModel::Slots {
     };
     const SweptSlot::Sample s{in_cell.value, sum(side)};
     const Place from = middle_place(cell) - slot.place_of(s);
-    origin[number].l = where ? from.l : origin[number].l;
-    origin[number].h = where ? from.h : origin[number].h;
+    at = from;
     Int4 values{};
     for (int k = 0; k < kCorners; ++k) values += 1 + is_print(cell, k);
     const Float4 steep = s.gradient.l * s.gradient.l + s.gradient.h * s.gradient.h;
@@ -192,13 +199,13 @@ struct ContactModel::Slots {
            (steep > kLeastSteep) & (magnitude(s.value) < kFarOff * cut.voxel);
   }
   // One step of least squares, by the cells that count and of these the values that are no farther off than `most_off` (mm).
-  void improve(int number, const Int4 (&counts)[kCells], const Float4& most_off) {
+  void improve(Place& of, const Int4 (&counts)[kCells], const Float4& most_off) const {
     Float4 ll{}, lh{}, hh{};
     Place error{};
     for (int cell = 0; cell < kCells; ++cell) {
       if (!any(counts[cell])) continue;
       for (int k = 0; k < kCorners; ++k) {
-        const SweptSlot::Sample s = slot.at(corner(cell, k) - origin[number]);
+        const SweptSlot::Sample s = slot.at(corner(cell, k) - of);
         const Float4 has = cells[cell].corner(k);
         const Int4 use = counts[cell] & ~is_print(cell, k) &
                          (magnitude(has) < kFarOff * cut.voxel) &
@@ -211,16 +218,16 @@ struct ContactModel::Slots {
     const Float4 damp = kDamped * (ll + hh) + kLeastDamp;
     ll += damp, hh += damp;
     const Float4 per = 1 / (ll * hh - lh * lh), most = all4(kMostStep);
-    origin[number] = origin[number] + Place{within(per * (lh * error.h - hh * error.l), most),
-                                            within(per * (lh * error.l - ll * error.h), most)};
+    of = of + Place{within(per * (lh * error.h - hh * error.l), most),
+                    within(per * (lh * error.l - ll * error.h), most)};
   }
   // Of these pieces, those for which so many slots, found farther ahead, are what the lattice has here, but for the
   // bur's own print: where an earlier way bent in between they aren't.
   Int4 hold_here(int slots, const Lanes& s, Int4 good) const {
     const float most = kExplained * cut.voxel, far_off = kFarOff * cut.voxel;
     const Place from = all4(-1) * (s.fx * side[0] + s.fy * side[1] + s.fz * side[2]);
-    const Float4 away = scan.reach * cut.per_speed * s.advance -
-                        (s.fx * rise[0] + s.fy * rise[1] + s.fz * rise[2]);
+    const Float4 away =
+        scan.reach * cut.per_speed * s.advance - (s.fx * rise[0] + s.fy * rise[1] + s.fz * rise[2]);
     for (int k = 0; k < kCorners && any(good); ++k) {
       const Float4 has = s.cells->cells.corner(k),
                    value = sample(slots, from + to_corner(k, side)).value, over = value - has;
@@ -241,7 +248,7 @@ struct ContactModel::Slots {
     if (!any(open)) return nothing;
     Int4 counts[kCells] = {};
     for (int cell = 0; cell < kCellsInPiece; ++cell) counts[cell] = open;
-    for (int i = 0; i < kSteps; ++i) improve(0, counts, all4(kAsOwn * cut.voxel));
+    for (int i = 0; i < kSteps; ++i) improve(origin[0], counts, all4(kAsOwn * cut.voxel));
     return nothing | leaves_nothing(open);
   }
   // Puts the slots of piece p where those of others are to be.
@@ -254,11 +261,10 @@ struct ContactModel::Slots {
   }
   // A cell tells of a slot's floor alone, or of a wall: the other is where the slot makes nowhere more void than the
   // lattice has.
-  void put_other_face(int number, int cell, const Int4& where) {
+  void put_other_face(Place& of, int cell, const Int4& where) const {
     if (slot.edge().draws() || !any(where)) return;
-    const SweptSlot::Place gradient = slot.at(middle_place(cell) - origin[number]).gradient;
+    const SweptSlot::Place gradient = slot.at(middle_place(cell) - of).gradient;
     const Int4 floor = magnitude(gradient.l) < magnitude(gradient.h);
-    Place& of = origin[number];
     Float4 highest = of.h, before = all4(kUnlimited), behind = all4(-kUnlimited);
     for (int c = 0; c < kCellsInPiece; ++c)
       for (int k = 0; k < kCorners; ++k) {
@@ -274,15 +280,33 @@ struct ContactModel::Slots {
     of.h = where & ~floor ? highest : of.h;
     of.l = where & floor & (magnitude(nearer) < kUnlimited) ? nearer : of.l;
   }
+  void put(int number, const Place& at, const Int4& where) {
+    Place& of = origin[number];
+    of = {where ? at.l : of.l, where ? at.h : of.h};
+  }
+  const Place& other_face(int cell) {
+    Told& t = told[cell];
+    if (!std::exchange(t.put, true)) {
+      t.with_other_face = t.origin;
+      put_other_face(t.with_other_face, cell, t.of);
+    }
+    return t.with_other_face;
+  }
   // The slot that a cell tells of, where there is one; with those before it makes the cell's values.
   Int4 find(int number, int cell, const Int4& where) {
-    Int4 counts[kCells] = {};
-    counts[cell] = begin(number, cell, where);
-    if (!any(counts[cell])) return counts[cell];
-    for (int i = 0; i < (slot.is_plane() ? 1 : kSteps); ++i)
-      improve(number, counts, all4(kUnlimited));
-    const Int4 found = explain(number + 1, cell, counts[cell]), open = counts[cell] & ~found;
-    put_other_face(number, cell, open);
+    Told& t = told[cell];
+    if (!std::exchange(t.looked, true)) {
+      Int4 counts[kCells] = {};
+      t.of = counts[cell] = begin(cell, near, t.origin);
+      for (int i = 0; i < (slot.is_plane() ? 1 : kSteps) && any(t.of); ++i)
+        improve(t.origin, counts, all4(kUnlimited));
+    }
+    const Int4 of = t.of & where;
+    if (!any(of)) return of;
+    put(number, t.origin, of);
+    const Int4 found = explain(number + 1, cell, of), open = of & ~found;
+    if (slot.edge().draws() || !any(open)) return found;
+    put(number, other_face(cell), open);
     return found | explain(number + 1, cell, open);
   }
 };
@@ -370,7 +394,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   for (int cell = 0; cell < kCellsInPiece; ++cell) others |= slots.is_other(cell);
   left &= others;
   if (!any(left)) return found(Int4{});
-  const Int4 near = left;
+  slots.near = left;
   bool has_all = false;
   const auto read_all = [&] {
     if (!has_all)
@@ -388,10 +412,10 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     Int4 counts[kCells] = {}, alone = first;
     for (int c = 0; c < kCellsInPiece; ++c)
       counts[c] = c == cell ? first : slots.explain(1, c, first), alone &= counts[c];
-    slots.improve(0, counts, all4(kUnlimited));
+    slots.improve(slots.origin[0], counts, all4(kUnlimited));
     alone |= slots.explain(1, first & ~alone);
     alone |= slots.leaves_nothing(first & ~alone);
-    slots.put_other_face(0, cell, first & ~alone);
+    slots.put_other_face(slots.origin[0], cell, first & ~alone);
     alone |= slots.explain(1, first & ~alone);
     one |= alone, left &= ~alone;
     Int4 open = first & left;
@@ -400,7 +424,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
       Int4 both = slots.find(1, other, open & ~counts[other]);
       const Int4 partly = both;
       if (any(both)) both = slots.explain(2, both);
-      slots.put_other_face(1, other, partly & ~both);
+      slots.put(1, slots.other_face(other), partly & ~both);
       both |= slots.explain(2, partly & ~both);
       two |= both, left &= ~both, open &= ~both;
     }
@@ -409,7 +433,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
   }
   // What one piece can't tell another may.
   for (int p = 0; p < kPieces; ++p) {
-    Int4 open = near & ~(one | two);
+    Int4 open = slots.near & ~(one | two);
     if (!(one | two)[p] || !any(open)) continue;
     slots.take_over(p, open);
     one |= slots.explain(1, open), one |= slots.leaves_nothing(open & ~one);
