@@ -402,7 +402,8 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
                 1 + kBeyondCorner * cut.voxel / cut.half_around);
     has_all = true;
   };
-  Int4 one = slots.are_in_own_slot(left), two{};
+  const Int4 own = slots.are_in_own_slot(left);
+  Int4 one = own, two{};
   left &= ~one;
   Int4 tried{};  // with another first slot: twice is enough
   for (int cell = 0; cell < kCells && any(left); ++cell) {
@@ -439,7 +440,7 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     one |= slots.explain(1, open), one |= slots.leaves_nothing(open & ~one);
     if (two[p]) two |= slots.explain(2, open & ~one);
   }
-  one = slots.hold_here(1, s, one), two = slots.hold_here(2, s, two);
+  one = own | slots.hold_here(1, s, one & ~own), two = slots.hold_here(2, s, two);
   if (any(one | two)) cover_by(slots, one, two, s);
   return found(one | two);
 }

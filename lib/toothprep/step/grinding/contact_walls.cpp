@@ -74,11 +74,12 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   };
   const Float4 way = way_from_print(kFromPrint);
   const Int4 clear = way >= look_ahead;
-  if (has_edges_ || leaves_slots_) {
+  const bool by_slots = leaves_slots_ && (has_edges_ || cut.straight);
+  if (has_edges_ || by_slots) {
     const Float4 way_there = way_from_print(kGrooveFromPrint);
     Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
     for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
-    if (leaves_slots_ && any(beside_slots))
+    if (by_slots && any(beside_slots))
       others &= ~cover_by_slots(scan, cut, ahead(way_there),
                                 way_there * (advance + 0.5f * bend * way_there), beside_slots, s);
     if (has_edges_ && any(others & clear))

@@ -50,7 +50,7 @@ constexpr double kBeyondEnds = 0.01;  // voxels
 constexpr double kAhead = 1.25;
 // Where the way winds a cut takes up only its straight part, so that the next one is due the sooner: carved within so
 // much of the usual way, at least.
-constexpr double kLeastPace = 0.25;
+constexpr double kLeastPace = 0.5;
 // Never more than so many a step, however fast the bur: at 1 to 4 µs each (bench_step) a quarter of
 // a millisecond. A cut that is then late leaves more way to the next one, which costs less than the
 // same way in several, so that the delay stays below a voxel or two up to some 50 mm/s.
@@ -632,7 +632,8 @@ void Removal::carve() noexcept {
   if (cursor_ >= box_size_ && cut_is_due()) plan();
   if (cursor_ >= box_size_) return;
   const bool hurry = late_ || cut_is_due();
-  const double part = hurry ? 1 : std::min(1.0, kAhead * way_since_plan_ / due_after_);
+  const double after = std::min(due_distance_ / kAhead, due_after_);
+  const double part = hurry ? 1 : std::min(1.0, way_since_plan_ / after);
   const auto by_now = static_cast<std::size_t>(std::ceil(part * static_cast<double>(box_size_)));
   if (by_now > cursor_) carve_some(by_now - cursor_, kMostBricks);
 }
