@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <random>
 
 #include "toothprep/step/bur/bur_library.h"
@@ -94,6 +95,30 @@ TEST(SweptEdge, DrawsNothingSquareToTheAxis) {
   SweptEdge edge(sharp_edges(make_bur("cylinder:D1.2xL3.0", "").profile()).front());
   edge.move(Vec3(1, 0, 0));
   EXPECT_FALSE(edge.draws());
+}
+
+// The bur's outline is what it leaves then.
+TEST(SweptSlot, SquareToTheAxisHasTheDistanceFromTheOutlineWithRoundedCorners) {
+  Draw draw;
+  for (const char* spec : {"cylinder:D1.2xL3.0", "inverted-cone:D1.2xL1.6xA8",
+                           "cylinder:D1.2xL4.0xR0.3", "cone:D1.6xL4.0xT1.2xR0.3"}) {
+    const Bur bur = make_bur(spec, "");
+    std::optional<SweptSlot> slot = SweptSlot::of(bur.profile());
+    ASSERT_TRUE(slot) << spec;
+    ASSERT_TRUE(slot->move(Vec3(0.6, 0.8, 0))) << spec;
+    for (int i = 0; i < 400; ++i) {
+      const double l = draw(-0.75, 0.75), h = draw(-0.1, 0.5);
+      const SweptSlot::Sample s =
+          slot->at({all4(static_cast<float>(l)), all4(static_cast<float>(h))});
+      float r = static_cast<float>(std::abs(l)), z = static_cast<float>(h), distance = 0;
+      bur.mitred_distances(&r, &z, &distance, 1);
+      if (s.value[0] > 0.25f) continue;
+      EXPECT_NEAR(double{s.value[0]}, -double{distance}, 2e-5) << spec << ' ' << l << ' ' << h;
+      const SweptSlot::Place found = slot->place_of(s);
+      EXPECT_NEAR(double{slot->at(found).value[0]}, double{s.value[0]}, 2e-5) << spec;
+    }
+  }
+  EXPECT_FALSE(SweptSlot::of(make_bur("ball:D1.2", "").profile()));
 }
 
 TEST(SweptSlot, HasTheDistanceOfItsNearestFloorOrWallAndItsGradient) {
