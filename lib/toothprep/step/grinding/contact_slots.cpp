@@ -277,8 +277,8 @@ struct ContactModel::Slots {
         behind = more ? greatest(behind, at.l + aside) : behind;
       }
     const Float4 nearer = of.l - before < behind - of.l ? before : behind;
-    of.h = where & ~floor ? highest : of.h;
-    of.l = where & floor & (magnitude(nearer) < kUnlimited) ? nearer : of.l;
+    of.h = (where & ~floor) ? highest : of.h;
+    of.l = (where & floor & (magnitude(nearer) < kUnlimited)) ? nearer : of.l;
   }
   void put(int number, const Place& at, const Int4& where) {
     Place& of = origin[number];
