@@ -67,12 +67,12 @@ struct ContactModel::Slots {
   Float4 outside[kCells];  // of these from the pieces, along their normal, mm
   Place origin[2];         // of the slots
   Int4 near{};             // of which pieces they are looked for
-  // What each cell tells of a slot: of which pieces, where it is, and the same with its other face put.
-  struct Told {
+  // The slot that each cell indicates: for which pieces, where it is, and the same with its other face put.
+  struct CellSlot {
     Int4 of{};
     Place origin{}, with_other_face{};
     bool looked = false, put = false;
-  } told[kCells];
+  } by_cell[kCells];
 
   Slots(const Scan& in, const CutOfPieces& of, const SweptSlot& swept,
         const ContactModel::Place& middles, const Float4& print)
@@ -259,7 +259,7 @@ struct ContactModel::Slots {
       of = {where ? l : of.l, where ? h : of.h};
     }
   }
-  // A cell tells of a slot's floor alone, or of a wall: the other is where the slot makes nowhere more void than the
+  // A cell shows a slot's floor alone, or a wall: the other is where the slot makes nowhere more void than the
   // lattice has.
   void put_other_face(Place& of, int cell, const Int4& where) const {
     if (slot.edge().draws() || !any(where)) return;
@@ -285,25 +285,25 @@ struct ContactModel::Slots {
     of = {where ? at.l : of.l, where ? at.h : of.h};
   }
   const Place& other_face(int cell) {
-    Told& t = told[cell];
-    if (!std::exchange(t.put, true)) {
-      t.with_other_face = t.origin;
-      put_other_face(t.with_other_face, cell, t.of);
+    CellSlot& c = by_cell[cell];
+    if (!std::exchange(c.put, true)) {
+      c.with_other_face = c.origin;
+      put_other_face(c.with_other_face, cell, c.of);
     }
-    return t.with_other_face;
+    return c.with_other_face;
   }
   // The slot that a cell tells of, where there is one; with those before it makes the cell's values.
   Int4 find(int number, int cell, const Int4& where) {
-    Told& t = told[cell];
-    if (!std::exchange(t.looked, true)) {
+    CellSlot& c = by_cell[cell];
+    if (!std::exchange(c.looked, true)) {
       Int4 counts[kCells] = {};
-      t.of = counts[cell] = begin(cell, near, t.origin);
-      for (int i = 0; i < (slot.is_plane() ? 1 : kSteps) && any(t.of); ++i)
-        improve(t.origin, counts, all4(kUnlimited));
+      c.of = counts[cell] = begin(cell, near, c.origin);
+      for (int i = 0; i < (slot.is_plane() ? 1 : kSteps) && any(c.of); ++i)
+        improve(c.origin, counts, all4(kUnlimited));
     }
-    const Int4 of = t.of & where;
+    const Int4 of = c.of & where;
     if (!any(of)) return of;
-    put(number, t.origin, of);
+    put(number, c.origin, of);
     const Int4 found = explain(number + 1, cell, of), open = of & ~found;
     if (slot.edge().draws() || !any(open)) return found;
     put(number, other_face(cell), open);
