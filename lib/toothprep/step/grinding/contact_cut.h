@@ -23,9 +23,6 @@ constexpr float kMayCross = 1.5f;
 // A wall crosses the surface at more than this angle (sine squared), else it may be what the bur left here itself.
 constexpr float kCrosses = 0.1f;
 constexpr float kWithinPiece = 0.8f;  // of half its extents: at its rim lie other walls as well
-inline Float4 within(const Float4& value, const Float4& bound) {
-  return least(greatest(value, -bound), bound);
-}
 
 // Of walls that stand alone a chip thinner than this (voxels) may be none.
 constexpr float kThinChip = 0.02f;

@@ -69,6 +69,9 @@ template <>
   return _mm_xor_ps(_mm_and_ps(_mm_cmplt_ps(a, Float4{}), all4(-0.0f)), x);
 }
 #endif
+[[nodiscard]] inline Float4 within(const Float4& value, const Float4& bound) noexcept {
+  return least(greatest(value, -bound), bound);
+}
 
 // Of lanes that are -1 or 0 each: whether any, or all, are -1.
 [[nodiscard]] inline bool any(Int4 a) noexcept {

@@ -74,9 +74,18 @@ class SweptEdge {
   }
   // The place of the ellipse at a distance at which it has this unit normal.
   Place contact(const Float4& distance, const Place& normal) const {
-    const Float4 reach = square_root(normal.l * normal.l + lean_ * normal.h * normal.h);
-    const Float4 radius = (radius_ + out_r_ * distance) / greatest(reach, all4(kLeastRoot));
+    const Float4 radius = (radius_ + out_r_ * distance) / reach_of_one(normal);
     return {radius * normal.l, radius * lean_ * normal.h + out_z_ * across_ * distance};
+  }
+  // How far out the ellipse at distance 0 reaches along a unit normal, how much less it reaches as the normal turns
+  // from l towards h, per angle, and the ellipse's radius of curvature there. mm
+  Float4 reach(const Place& normal) const { return radius_ * reach_of_one(normal); }
+  Float4 slope(const Place& normal) const {
+    return radius_ * (1 - lean_) * normal.l * normal.h / reach_of_one(normal);
+  }
+  Float4 bend(const Place& normal) const {
+    const Float4 reach = reach_of_one(normal);
+    return radius_ * lean_ / (reach * reach * reach);
   }
 
   float radius() const { return radius_; }  // mm
@@ -88,6 +97,12 @@ class SweptEdge {
  private:
   static constexpr float kLeastRoot = 1e-12f;
   static float f(double x) { return static_cast<float>(x); }
+
+  // Of a circle of 1 mm.
+  Float4 reach_of_one(const Place& normal) const {
+    const Float4 square = normal.l * normal.l + lean_ * normal.h * normal.h;
+    return greatest(square_root(square), all4(kLeastRoot));
+  }
 
   // Of a normal across the motion, from l on towards h.
   struct Angle {

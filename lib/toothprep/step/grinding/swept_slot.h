@@ -1,6 +1,7 @@
 // The slot that a flat end leaves, drawn along a straight way. Square to the axis: a floor, walls by the face behind
-// the end, and a rounded corner if the bur has one. While a bur with a sharp edge leans along its way: a floor by that
-// edge, and walls. In the dimensions of SweptEdge.
+// the end, and a rounded corner if the bur has one. While the bur leans along its way: a floor by its edge, and walls;
+// a rounded corner's floor is everywhere as far from the ellipse that the circle of the arcs' centres draws. In the
+// dimensions of SweptEdge.
 #pragma once
 
 #include <cmath>
@@ -15,26 +16,29 @@ class SweptSlot {
  public:
   using Place = SweptEdge::Place;
   // `rounding`: the radius (mm) of an arc that touches the end and the face behind it, which meet in the edge; or 0.
-  explicit SweptSlot(const SweptEdge& edge, double rounding = 0)
-      : edge_(edge), rounding_(static_cast<float>(rounding)) {}
+  // `centres`: then the circle of its centres, as an edge between the same faces.
+  explicit SweptSlot(const SweptEdge& edge) : square_(edge), leaning_(edge) {}
+  SweptSlot(const SweptEdge& edge, const SweptEdge& centres, double rounding)
+      : square_(edge), leaning_(centres), rounding_(static_cast<float>(rounding)) {}
   // Of a bur with a flat end and a straight face behind it or its rounded corner.
   static std::optional<SweptSlot> of(const std::vector<ProfilePiece>& outline);
 
   // Says how the bur moves: a unit vector, B. Whether it leaves such a slot.
   bool move(const Vec3& along) noexcept {
     constexpr float kLeastAcross = 0.8f, kSteepest = 0.9f;  // sines
-    edge_.move(along);
-    const float across = edge_.across(), normal = edge_.normal_after();
+    square_.move(along), leaning_.move(along);
+    const float across = edge().across(), normal = edge().normal_after();
     if (across < kLeastAcross || std::abs(normal) > kSteepest * across) return false;
-    if (edge_.draws() && rounding_ > 0) return false;
     wall_h_ = normal / across, wall_l_ = std::sqrt(1 - wall_h_ * wall_h_);
-    to_wall_ = edge_.radius() * std::sqrt(1 - normal * normal);
+    to_wall_ = edge().radius() * std::sqrt(1 - normal * normal);
+    if (edge().draws()) to_wall_ += rounding_;
     centre_ = (to_wall_ - rounding_ - wall_h_ * rounding_) / wall_l_;
     return true;
   }
-  const SweptEdge& edge() const { return edge_; }
+  const SweptEdge& edge() const { return square_.draws() ? leaning_ : square_; }
+  bool has_sharp_edge() const { return !(rounding_ > 0); }
   // Whether it has faces alone.
-  bool is_plane() const { return !edge_.draws() && !(rounding_ > 0); }
+  bool is_plane() const { return !edge().draws() && has_sharp_edge(); }
 
   struct Sample {
     Float4 value;  // mm, of the slot's field: positive in the void
@@ -47,9 +51,9 @@ class SweptSlot {
   Sample at(const Place& p) const {
     const Float4 wall = turned_where_negative(p.l, all4(wall_l_));
     Sample s{to_wall_ - wall_h_ * p.h - wall * p.l, {-wall, all4(-wall_h_)}};
-    if (!edge_.draws()) {  // then the end's face leaves the floor
+    if (!edge().draws()) {  // then the end's face leaves the floor
       s.replace(p.h < s.value, {p.h, {Float4{}, all4(1)}});
-      if (!(rounding_ > 0)) return s;
+      if (has_sharp_edge()) return s;
       const Float4 l = magnitude(p.l) - centre_, h = p.h - rounding_,
                    away = square_root(greatest(l * l + h * h, all4(kLeastSquare * kLeastSquare))),
                    towards = -1 / away;
@@ -58,7 +62,13 @@ class SweptSlot {
                 {rounding_ - away, {turned_where_negative(p.l, towards * l), towards * h}});
       return s;
     }
-    const SweptEdge::Sample e = edge_.at(p);
+    if (!has_sharp_edge()) {
+      const Place n = normal_towards(p);
+      s.replace(wall_l_ * n.h - wall_h_ * magnitude(n.l) < 0,
+                {rounding_ - (p.l * n.l + p.h * n.h - edge().reach(n)), {-n.l, -n.h}});
+      return s;
+    }
+    const SweptEdge::Sample e = edge().at(p);
     s.replace(e.counts, {-e.distance, {-e.gradient.l, -e.gradient.h}});
     return s;
   }
@@ -70,8 +80,7 @@ class SweptSlot {
   Place place_of(const Sample& s) const {
     const Float4 square = s.gradient.l * s.gradient.l + s.gradient.h * s.gradient.h,
                  per_slope = -1 / square_root(greatest(square, all4(kLeastSquare)));
-    const Place normal = per_slope * s.gradient,
-                floor = edge_.draws() ? edge_.contact(-s.value, normal) : floor_of(s.value, normal);
+    const Place normal = per_slope * s.gradient, floor = floor_of(s.value, normal);
     const Float4 beside = wall_at(all4(kAbove), s.value);
     const Int4 wall = normal.h > wall_h_ - kNoise;
     return {wall ? turned_where_negative(normal.l, beside) : floor.l,
@@ -79,23 +88,50 @@ class SweptSlot {
   }
 
  private:
-  // On the floor of an end's face, or in a rounded corner.
+  // On the floor of an end's face or of an edge, or in a rounded corner.
   Place floor_of(const Float4& value, const Place& normal) const {
-    if (!(rounding_ > 0)) return {Float4{}, value};
+    if (edge().draws())
+      return has_sharp_edge() ? edge().contact(-value, normal)
+                              : edge().contact(Float4{}, normal) + (rounding_ - value) * normal;
+    if (has_sharp_edge()) return {Float4{}, value};
     const Int4 flat = normal.h < kNoise - 1;
     const Float4 radius = rounding_ - value;
     return {flat ? Float4{} : turned_where_negative(normal.l, all4(centre_)) + radius * normal.l,
             flat ? value : rounding_ + radius * normal.h};
   }
 
+  // The outward normal of the ellipse of centres at which it is nearest to a place outside of it: there the place is
+  // farther than the ellipse reaches by the most. By Newton's method, from the normal that it has in the middle of the
+  // floor and beside it.
+  Place normal_towards(const Place& p) const {
+    const float radius = edge().radius();
+    const Float4 l = magnitude(p.l), beside = greatest(l - radius, Float4{}),
+                 down = least(p.h, all4(-kLeastDown));
+    Float4 per = 1 / square_root(beside * beside + down * down);
+    Place n{per * beside, per * down};
+    for (int i = 0; i < kSteps; ++i) {
+      const Float4 reach = edge().reach(n), slope = n.l * p.h - n.h * l + edge().slope(n),
+                   bends = greatest(n.l * l + n.h * p.h - reach + edge().bend(n), all4(kLeastDown)),
+                   turn = within(slope / bends, all4(kMostTurn));
+      n = {n.l - turn * n.h, n.h + turn * n.l};
+      per = 1 / square_root(n.l * n.l + n.h * n.h);
+      n = per * n;
+    }
+    return {turned_where_negative(p.l, n.l), n.h};
+  }
+
+  static constexpr int kSteps = 5;
+  static constexpr float kMostTurn = 0.5f;      // a step, rad
+  static constexpr float kLeastDown = 1e-2f;    // mm
   static constexpr float kAbove = 0.6f;         // mm
   static constexpr float kNoise = 0.02f;        // of normals
   static constexpr float kLeastSquare = 1e-2f;  // keeps a division defined
 
-  SweptEdge edge_;
+  SweptEdge square_, leaning_;     // which of them, `edge` says
   float wall_l_ = 1, wall_h_ = 0;  // of the walls' outward normals
   float to_wall_ = 0;              // mm, from the edge's middle
-  float rounding_, centre_ = 0;    // mm: of a rounded corner, and how far aside its arc's centre is
+  float rounding_ = 0;             // mm, of a corner's arc
+  float centre_ = 0;               // mm, how far aside its centre is, square to the axis
 };
 
 inline std::optional<SweptSlot> SweptSlot::of(const std::vector<ProfilePiece>& outline) {
@@ -117,9 +153,12 @@ inline std::optional<SweptSlot> SweptSlot::of(const std::vector<ProfilePiece>& o
       std::abs(to.along_r - side.along_r) > kFlat)
     return std::nullopt;
   const double corner = side.r - (side.z - end.z) * side.along_r / side.along_z;
-  return SweptSlot(SweptEdge({{corner, end.z, end.along_r, end.along_z},
-                              {corner, end.z, side.along_r, side.along_z}}),
-                   arc_span(outline[1]).radius);
+  const ProfilePiece& arc = outline[1];
+  const auto between_faces = [&](double r, double z) {
+    return SweptEdge({{r, z, end.along_r, end.along_z}, {r, z, side.along_r, side.along_z}});
+  };
+  return SweptSlot(between_faces(corner, end.z), between_faces(arc.centre_r, arc.centre_z),
+                   arc_span(arc).radius);
 }
 
 }  // namespace toothprep
