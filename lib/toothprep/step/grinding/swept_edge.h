@@ -93,6 +93,7 @@ class SweptEdge {
   // Of the normal of the face behind it, its part along the axis; and of the motion, that across the axis.
   float normal_after() const { return normal_after_; }
   float across() const { return across_; }
+  float lean() const { return std::sqrt(lean_); }  // sine, of the motion from square to the axis
 
  private:
   static constexpr float kLeastRoot = 1e-12f;

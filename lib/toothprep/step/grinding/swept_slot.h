@@ -25,10 +25,11 @@ class SweptSlot {
 
   // Says how the bur moves: a unit vector, B. Whether it leaves such a slot.
   bool move(const Vec3& along) noexcept {
-    constexpr float kLeastAcross = 0.8f, kSteepest = 0.9f;  // sines
+    constexpr float kLeastAcross = 0.8f, kSteepest = 0.9f, kLeastLean = 0.03f;  // sines
     square_.move(along), leaning_.move(along);
     const float across = edge().across(), normal = edge().normal_after();
     if (across < kLeastAcross || std::abs(normal) > kSteepest * across) return false;
+    if (edge().draws() && !has_sharp_edge() && edge().lean() < kLeastLean) return false;
     wall_h_ = normal / across, wall_l_ = std::sqrt(1 - wall_h_ * wall_h_);
     to_wall_ = edge().radius() * std::sqrt(1 - normal * normal);
     if (edge().draws()) to_wall_ += rounding_;
@@ -101,14 +102,16 @@ class SweptSlot {
   }
 
   // The outward normal of the ellipse of centres at which it is nearest to a place outside of it: there the place is
-  // farther than the ellipse reaches by the most. By Newton's method, from the normal that it has in the middle of the
-  // floor and beside it.
+  // farther than the ellipse reaches by the most. Two steps of Newton's method are exact to 10 nm from 0.1 mm on, from
+  // the normal of a flat ellipse under the place, or beside it of its end.
   Place normal_towards(const Place& p) const {
-    const float radius = edge().radius();
-    const Float4 l = magnitude(p.l), beside = greatest(l - radius, Float4{}),
-                 down = least(p.h, all4(-kLeastDown));
-    Float4 per = 1 / square_root(beside * beside + down * down);
-    Place n{per * beside, per * down};
+    const float radius = edge().radius(), lean = edge().lean();
+    const Float4 l = magnitude(p.l), down = greatest(-p.h, all4(kLeastDown)),
+                 under = least(radius * l / (radius + lean * down), all4(radius)),
+                 off_end = square_root((1 + kBlunt * kBlunt) * radius * radius - under * under),
+                 aside = greatest(lean * under / off_end, (l - radius) / down);
+    Float4 per = 1 / square_root(1 + aside * aside);
+    Place n{per * aside, -per};
     for (int i = 0; i < kSteps; ++i) {
       const Float4 reach = edge().reach(n), slope = n.l * p.h - n.h * l + edge().slope(n),
                    bends = greatest(n.l * l + n.h * p.h - reach + edge().bend(n), all4(kLeastDown)),
@@ -120,7 +123,8 @@ class SweptSlot {
     return {turned_where_negative(p.l, n.l), n.h};
   }
 
-  static constexpr int kSteps = 5;
+  static constexpr int kSteps = 2;
+  static constexpr float kBlunt = 0.5f;         // of an ellipse's end
   static constexpr float kMostTurn = 0.5f;      // a step, rad
   static constexpr float kLeastDown = 1e-2f;    // mm
   static constexpr float kAbove = 0.6f;         // mm
