@@ -1,6 +1,7 @@
 // Chunks packed and unpacked outside HDF5.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -39,8 +40,8 @@ std::vector<T> values_like(std::size_t count) {
 }
 
 template <class T>
-void expect_back(std::size_t count, std::size_t per_chunk) {
-  const std::vector<T> given = values_like<T>(count);
+void expect_back(const std::vector<T>& given, std::size_t per_chunk) {
+  const std::size_t count = given.size();
   ChunkFile file;
   ChunkPlaces chunks{{}, sizeof(T), per_chunk * sizeof(T)};
   for (const auto& chunk :
@@ -55,10 +56,18 @@ void expect_back(std::size_t count, std::size_t per_chunk) {
 
 TEST(H5Packing, WhatWasPackedComesBackAsDoubles) {
   for (const std::size_t count : {1, 99, 100, 101, 5000}) {
-    expect_back<double>(count, 100);
-    expect_back<std::uint32_t>(count, 100);
-    expect_back<std::uint8_t>(count, 100);
-    expect_back<double>(count, 70000);  // noise of more than a stored block
+    expect_back(values_like<double>(count), 100);
+    expect_back(values_like<std::uint32_t>(count), 100);
+    expect_back(values_like<std::uint8_t>(count), 100);
+    expect_back(values_like<double>(count), 70000);  // noise of more than a stored block
+  }
+}
+
+TEST(H5Packing, WhatStandsForSeveralChunksComesBackAsItWas) {
+  for (const std::size_t changes : {0, 250, 300, 350, 499}) {
+    std::vector<double> given(550, 0.5);
+    std::fill(given.begin() + static_cast<std::ptrdiff_t>(changes), given.end(), 0.25);
+    expect_back(given, 100);
   }
 }
 

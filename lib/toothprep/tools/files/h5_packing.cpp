@@ -10,6 +10,7 @@
 #include <bit>
 #include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <new>
 
@@ -56,9 +57,18 @@ class Packer {
   void shuffle(const char* data, std::size_t size) {
     const std::size_t plane = shuffled_.size() / width_, values = size / width_;
     if (size < shuffled_.size()) std::fill(shuffled_.begin(), shuffled_.end(), '\0');
-    for (std::size_t byte = 0; byte < width_; ++byte)
-      for (std::size_t i = 0; i < values; ++i)
-        shuffled_[byte * plane + i] = data[i * width_ + byte];
+    if (width_ == 8)
+      shuffle<8>(data, values, plane, shuffled_.data());
+    else if (width_ == 4)
+      shuffle<4>(data, values, plane, shuffled_.data());
+    else
+      std::copy_n(data, values, shuffled_.data());
+  }
+  template <std::size_t kWidth>
+  static void shuffle(const char* data, std::size_t values, std::size_t plane, char* to) {
+    for (std::size_t i = 0; i < values; ++i)
+      for (std::size_t byte = 0; byte < kWidth; ++byte)
+        to[byte * plane + i] = data[i * kWidth + byte];
   }
 
   // By a sample from the middle, which deflate makes hardly shorter.
@@ -151,15 +161,24 @@ std::vector<std::vector<char>> packed_chunks(const void* data, std::size_t size,
                                              std::size_t chunk_size) {
   const char* bytes = static_cast<const char*>(data);
   std::vector<std::vector<char>> chunks((size + chunk_size - 1) / chunk_size);
+  // What stands for long, as a motor's rate or a bur's orientation, is packed once.
+  const auto is_again = [&](std::size_t i) {
+    const char* const chunk = bytes + i * chunk_size;
+    return i > 0 && (i + 1) * chunk_size <= size &&
+           std::memcmp(chunk - chunk_size, chunk, chunk_size) == 0;
+  };
   // Isolated: a thread that waits here may hold a lock, and must not begin other work that wants it.
   tbb::this_task_arena::isolate([&] {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, chunks.size()), [&](const auto& range) {
       Packer packer(width, chunk_size);
       for (std::size_t i = range.begin(); i < range.end(); ++i)
-        chunks[i] =
-            packer.pack(bytes + i * chunk_size, std::min(chunk_size, size - i * chunk_size));
+        if (!is_again(i))
+          chunks[i] =
+              packer.pack(bytes + i * chunk_size, std::min(chunk_size, size - i * chunk_size));
     });
   });
+  for (std::size_t i = 1; i < chunks.size(); ++i)
+    if (chunks[i].empty()) chunks[i] = chunks[i - 1];
   return chunks;
 }
 
