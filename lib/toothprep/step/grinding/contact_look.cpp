@@ -28,9 +28,9 @@ constexpr float kCornerInVoid = 0.005f, kCornerInTissue = 0.02f;
 // Another wall than in an element's middle is met at an end whose values differ by more than this (voxels).
 constexpr float kAnotherWall = 0.1f;
 // What is found stands for this many voxels at most.
-constexpr float kMostStanding = 0.5f;
+constexpr float kMostStanding = 1;
 // And for so many voxels at most by how it changes along the motion, rather than by the way alone.
-constexpr float kAsideVoxels = 0.02f;
+constexpr float kAsideVoxels = 0.1f;
 
 // Half the range of a field over an element whose corner is so far from its middle. Where the field's
 // values end, at the border of its band, its gradient tells too little.

@@ -25,8 +25,9 @@ constexpr float kParallelAtEdge = 0.35f;  // sine, likewise
 constexpr float kBeside = 4;              // 1 / cosine² up to which an edge lies beside the motion
 // The floor that it left ahead of the bur, likewise.
 constexpr float kFloorStandsOut = 0.05f;
-// For this much of the way at most what was found of a piece stands: between voxels a gradient changes.
-constexpr double kSettledVoxels = 0.1;
+// For this much of the way (voxels) at most what was found of a piece stands: between the lattice's points a gradient
+// changes. Slots were found over several cells.
+constexpr double kSettled = 0.2, kSettledBySlots = 0.4;
 constexpr float kUnbounded = 1e3f;  // mm of way
 // So far ahead (voxels) the bur's own print is out of the way, and a field as steep as this (squared, 1 being a
 // distance) is that of one wall.
@@ -113,7 +114,9 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   standing.tissue = s.tissue;
   if (s.tissue < 0) std::copy_n(s.of_tissue, kTissueCount, standing.of_tissue);
   standing.rise = s.rise;
-  const double farthest = way_ + kSettledVoxels * scan.workpiece.voxel();
+  const Int4 divided = (s.share > kLeastShare) & (s.share < 1);
+  const bool by_slots = any(s.by_slots) && !any(divided & ~s.by_slots);
+  const double farthest = way_ + (by_slots ? kSettledBySlots : kSettled) * scan.workpiece.voxel();
   moves_[i] = simple ? std::min(farthest, until(s, s.rise != 0 ? s.holds : s.stays)) : -1;
   keep(i, farthest, s);
 }

@@ -366,6 +366,7 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
   const Int4 where = one | two;
   s.by_slots |= where;
   s.rise = where ? Float4{} : s.rise;
+  s.stays = where ? all4(kUnlimited) : s.stays, s.holds = where ? all4(kUnlimited) : s.holds;
   s.cover(where, {sum.share, per_share * sum.x, per_share * sum.y});
   s.cut.replace(where, border);
 }
