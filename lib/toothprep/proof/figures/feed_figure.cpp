@@ -211,7 +211,7 @@ void claim_accuracy(FigureReport& figure, const Run& run, const std::vector<Vari
                                     "largest deviation of the force anywhere", "%", "aim", kAim,
                                     r->force_max_percent));
     figure.claims.push_back(near("Work of the torque = energy of what was removed", "levelset",
-                                 "energy ratio", "1", "invariant", 1, r->energy_ratio, 2));
+                                 "energy ratio", "1", "invariant", 1, r->energy_ratio, kAuditAim));
     std::vector<double> rms;  // from coarse to fine
     for (const Variant& v : variants)
       if (v.engine == EngineKind::kLevelset && v.report) rms.push_back(v.report->force_rms_percent);

@@ -15,6 +15,9 @@
 
 namespace toothprep::figures {
 
+// Percent by which the torque's work may differ from the energy of what was removed, of level sets.
+constexpr double kAuditAim = 1;
+
 class FigureContext {
  public:
   FigureContext(const FigureOptions& options, int replays) : options_(options), replays_(replays) {}

@@ -102,7 +102,7 @@ FigureReport laws_figure(const Experiment& experiment, FigureContext& context) {
     else
       claim_coupled(figure, run, outcome);
     figure.claims.push_back(near(run.title, engine, "work over energy of what was removed", "1",
-                                 "energy audit", 1, outcome.replay.energy_ratio, 2));
+                                 "energy audit", 1, outcome.replay.energy_ratio, kAuditAim));
     figure.claims.push_back(bound(run.title, engine,
                                   "steps in which force and velocity don't agree", "1", "the step",
                                   0, static_cast<double>(outcome.replay.totals.unsettled_steps)));

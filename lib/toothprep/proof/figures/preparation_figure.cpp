@@ -78,7 +78,7 @@ FigureReport preparation_figure(const Experiment& experiment, FigureContext& con
     const auto pulp = static_cast<std::size_t>(tissue_index(Tissue::kPulp));
     const std::string what = run.title;
     figure.claims.push_back(near(what, engine, "work of the torque / energy removed", "1",
-                                 "invariant", 1, outcome.replay.energy_ratio, 4));
+                                 "invariant", 1, outcome.replay.energy_ratio, kAuditAim));
     figure.claims.push_back(
         near(what, engine, "pulp removed", "mm³", "dentistry", 0, totals.removed[pulp], 0, 1));
     figure.claims.push_back(near(what, engine, "steps in which the shank touches", "1", "dentistry",

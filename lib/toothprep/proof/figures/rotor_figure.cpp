@@ -113,7 +113,7 @@ void claim_rotor(FigureReport& figure, const Run& run, const Outcome& outcome,
              "energy balance", 1, (b.ground + b.gained) / b.driven, kBalanceAim));
   }
   put(near(run.title, engine, "work over energy of what was removed", "1", "energy audit", 1,
-           outcome.replay.energy_ratio, 2));
+           outcome.replay.energy_ratio, kAuditAim));
 }
 
 }  // namespace
