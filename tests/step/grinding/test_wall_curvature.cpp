@@ -58,8 +58,8 @@ TEST(WallCurvature, TellsTheFieldBesideAPlaceWhoseNormalIsKnown) {
   for (const char* spec : {"ball:D1.2", "taper:D1.4xL4.0xA4", "cylinder:D1.2xL4.0xR0.3"}) {
     const Bur bur = make_bur(spec, "");
     const WallCurvature walls(bur.profile());
-    for (const double lean : {0.05, 0.15, -0.4})
-      for (const double angle : {-1.2, -1.0, -0.6}) {
+    for (const double lean : {0.0, 0.012, 0.05, 0.15, -0.4})
+      for (const double angle : {-1.4, -1.2, -1.0, -0.6}) {
         const auto reach = [&](double at, int points = 20000) {
           return reach_of(bur.profile(), std::sin(at) * std::cos(lean), points);
         };
@@ -67,14 +67,18 @@ TEST(WallCurvature, TellsTheFieldBesideAPlaceWhoseNormalIsKnown) {
         constexpr double kStep = 1e-3, kDepth = 0.02;
         const double out = reach(angle) - kDepth,
                      aside = (reach(angle + kStep) - reach(angle - kStep)) / (2 * kStep);
-        for (const double way : {-0.12, 0.08}) {
+        for (const double way : {-0.2, -0.12, 0.08}) {
           constexpr double kOut = 0.015;
           double least = 1e9, turned = 0;
-          for (double turn = -kPi / 3; turn < kPi / 3; turn += 2e-3) {
-            const double depth = reach(angle + turn, 1000) - (out + kOut) * std::cos(turn) -
-                                 (aside + way) * std::sin(turn);
-            if (depth < least) least = depth, turned = turn;
-          }
+          const auto look = [&](double from, double to, double step) {
+            for (double turn = from; turn < to; turn += step) {
+              const double depth = reach(angle + turn, 1000) - (out + kOut) * std::cos(turn) -
+                                   (aside + way) * std::sin(turn);
+              if (depth < least) least = depth, turned = turn;
+            }
+          };
+          look(-kPi / 3, kPi / 3, 1e-2);
+          look(turned - 1e-2, turned + 1e-2, 1e-4);
           const auto four = [](double x) { return all4(static_cast<float>(x)); };
           const SweptArc::Known known{four(kDepth), four(std::sin(angle) * std::cos(lean)),
                                       four(std::cos(angle) * std::cos(lean)), four(std::sin(lean))};

@@ -36,6 +36,25 @@ struct SweptArc {
   // The field beside it; its normal is turned by the angle of this cosine and sine towards `aside`.
   struct Tangent {
     Float4 value, cosine, sine;
+    // Where an ellipse is nearly a line Newton's method leads astray unless it begins near the end: at the normal of the
+    // ellipse under the place, or beside it of the circle about its end. `wide`: half of its width; the place is from its
+    // middle.
+    void begin_flat(const Int4& where, const Known& k, const Float4& wide, const Float4& out,
+                    const Float4& beside) {
+      const Float4 lean = magnitude(k.motion), per = 1 / square_root(1 - lean * lean),
+                   h = per * k.normal, l = square_root(greatest(1 - h * h, Float4{})),
+                   aside_h = per * k.aside, aside_l = -turned_where_negative(k.aside, h);
+      const Float4 at_l = l * out + aside_l * beside, at_h = h * out + aside_h * beside,
+                   low = greatest(-at_h, all4(kLeastRadius)),
+                   under = within(wide * at_l / (wide + lean * low), wide),
+                   off_end = square_root((1 + kBlunt * kBlunt) * wide * wide - under * under),
+                   past_end = greatest(magnitude(at_l) - wide, Float4{}) / low,
+                   slant = turned_where_negative(
+                       at_l, greatest(magnitude(lean * under / off_end), past_end)),
+                   length = 1 / square_root(1 + slant * slant);
+      cosine = where ? length * (slant * l - h) : cosine;
+      sine = where ? length * (slant * aside_l - aside_h) : sine;
+    }
   };
   // `out`: mm along the normal, `beside`: along `aside`.
   Tangent at(const Known& k, const Float4& out, const Float4& beside) const {
@@ -48,6 +67,8 @@ struct SweptArc {
     const Float4 down = greatest(from + out + stretched(square, k), all4(kLeastRadius)),
                  per = 1 / square_root(down * down + beside * beside);
     t.cosine = per * down, t.sine = per * beside;
+    if (const Int4 flat = (centre > 0) & (k.motion * k.motion < kFlat); any(flat))
+      t.begin_flat(flat, k, greatest(centre, all4(kLeastRadius)), far_out, far_beside);
     const bool is_circle = !any(centre != 0);
     Float4 there = reach;
     for (int i = 0; i < (is_circle ? 0 : kSteps); ++i) {
@@ -64,6 +85,19 @@ struct SweptArc {
     if (!is_circle) there = square_root(square_at(t.cosine * k.normal + t.sine * k.aside));
     t.value = k.value + from * t.sine * t.sine / (1 + t.cosine) +
               centre * (there - reach * t.cosine) - out * t.cosine - far_beside * t.sine;
+    // Square to the axis the ellipse is a line: beside its end the arc is a circle, over it the wall is plane.
+    if (const Int4 is_square = (centre > 0) & (k.motion * k.motion < kSquare); any(is_square)) {
+      const Float4 along = from + out,
+                   from_end = along * reach - turned_where_negative(k.aside, k.normal * beside);
+      const Int4 over = is_square & (from_end < 0), on_circle = is_square & ~over;
+      const Float4 away = square_root(along * along + beside * beside),
+                   towards = 1 / greatest(away, all4(kLeastRadius));
+      t.value = over        ? radius + along * k.normal + beside * k.aside
+                : on_circle ? radius - away
+                            : t.value;
+      t.cosine = over ? -k.normal : on_circle ? towards * along : t.cosine;
+      t.sine = over ? -k.aside : on_circle ? towards * beside : t.sine;
+    }
     const Int4 plane = is_plane(k);
     t.value = plane ? k.value - out : t.value;
     t.cosine = plane ? all4(1) : t.cosine, t.sine = plane ? Float4{} : t.sine;
@@ -72,10 +106,12 @@ struct SweptArc {
 
  private:
   static constexpr int kSteps = 3;
-  static constexpr float kMostTurn = 0.5f;      // a step, rad
-  static constexpr float kPlane = 0.0025f;      // sine squared, of the normal and of the motion
-  static constexpr float kLeastSquare = 1e-4f;  // keep divisions defined
-  static constexpr float kLeastRadius = 0.01f;  // mm
+  static constexpr float kMostTurn = 0.5f;  // a step, rad
+  static constexpr float kPlane = 0.0025f;  // sine squared, of the normal and of the motion
+  static constexpr float kSquare = 1e-4f, kFlat = 0.01f;  // likewise, of the motion
+  static constexpr float kBlunt = 0.2f;                   // of an ellipse's end
+  static constexpr float kLeastSquare = 1e-4f;            // keep divisions defined
+  static constexpr float kLeastRadius = 0.01f;            // mm
 
   Int4 is_plane(const Known& k) const {
     return (centre > 0) & (1 - k.normal * k.normal < kPlane) & (k.motion * k.motion < kPlane);
