@@ -24,14 +24,21 @@ constexpr float kLeastWithWall = 0.05f, kLinear = 0.1f;
 // The walls of a ridge are looked at so far from it (voxels), where no cell holds both: each at the nearest place where
 // the next one confirms it. They meet in a ridge if each lies that far (voxels) within the other.
 constexpr float kAside[] = {1.5f, 2.25f, 3, 3.75f}, kApart = 0.05f;
-// Where its curvature is known, a wall tells what is found farther along it, to so many voxels.
-constexpr float kAgrees = 0.015f;
+// Where its curvature is known, a wall tells what is found farther along it, to so many voxels. Elsewhere its normal
+// turns by less than this (sine, squared): else one of the two is a blend of walls that meet.
+constexpr float kAgrees = 0.015f, kSameWall = 0.05f;
 // The lattice flattens a ridge by less than this (voxels).
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
 constexpr float kTaken = 0.01f;
 // Or where the bur went over it deeper than this (voxels).
 constexpr double kInsideSweep = 0.002;
+
+// Square of the difference of two gradients.
+Float4 turned(const FourSamples& a, const FourSamples& b) {
+  const Float4 x = a.gx - b.gx, y = a.gy - b.gy, z = a.gz - b.gz;
+  return x * x + y * y + z * z;
+}
 
 }  // namespace
 
@@ -210,8 +217,10 @@ void ContactModel::cover_ridges(const Scan& scan, const CutOfPieces& cut, const 
       const Wall farther = look_at_wall(scan, cut, at, far, looked);
       if (voxels > kAside[0]) {
         const Int4 agrees =
-            ~cut.knows(wall.sample) | ~cut.is_one_wall(farther.sample) |
-            (magnitude(cut.at_most(wall, farther) - farther.sample.value) < kAgrees * cut.voxel);
+            ~cut.is_one_wall(farther.sample) |
+            (cut.knows(wall.sample) ? magnitude(cut.at_most(wall, farther) - farther.sample.value) <
+                                          kAgrees * cut.voxel
+                                    : turned(wall.sample, farther.sample) < kSameWall);
         found |= looked & cut.is_one_wall(wall.sample) & agrees;
       }
       looked &= ~found;
