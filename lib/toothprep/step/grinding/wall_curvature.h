@@ -67,11 +67,12 @@ struct SweptArc {
     const Float4 down = greatest(from + out + stretched(square, k), all4(kLeastRadius)),
                  per = 1 / square_root(down * down + beside * beside);
     t.cosine = per * down, t.sine = per * beside;
-    if (const Int4 flat = (centre > 0) & (k.motion * k.motion < kFlat); any(flat))
+    const Int4 is_square = (centre > 0) & (k.motion * k.motion < kSquare);
+    if (const Int4 flat = (centre > 0) & (k.motion * k.motion < kFlat) & ~is_square; any(flat))
       t.begin_flat(flat, k, greatest(centre, all4(kLeastRadius)), far_out, far_beside);
     const bool is_circle = !any(centre != 0);
     Float4 there = reach;
-    for (int i = 0; i < (is_circle ? 0 : kSteps); ++i) {
+    for (int i = 0; i < (is_circle || all(is_square) ? 0 : kSteps); ++i) {
       const Float4 normal = t.cosine * k.normal + t.sine * k.aside,
                    turns = t.cosine * k.aside - t.sine * k.normal, at = square_at(normal);
       const Float4 slope = far_out * t.sine - far_beside * t.cosine -
@@ -86,7 +87,7 @@ struct SweptArc {
     t.value = k.value + from * t.sine * t.sine / (1 + t.cosine) +
               centre * (there - reach * t.cosine) - out * t.cosine - far_beside * t.sine;
     // Square to the axis the ellipse is a line: beside its end the arc is a circle, over it the wall is plane.
-    if (const Int4 is_square = (centre > 0) & (k.motion * k.motion < kSquare); any(is_square)) {
+    if (any(is_square)) {
       const Float4 along = from + out,
                    from_end = along * reach - turned_where_negative(k.aside, k.normal * beside);
       const Int4 over = is_square & (from_end < 0), on_circle = is_square & ~over;
