@@ -40,6 +40,52 @@ TEST(StraightWay, OfABallIsACapsule) {
   EXPECT_GT(outside, 500);
 }
 
+TEST(StraightWay, LeadsToWhereItsBurGoesOn) {
+  const Bur bur = make_bur("ball:D1.2", "");
+  const StraightSweep sweep{Pose{Vec3(1, 2, 3), kTurned}, Vec3(2, 0, 0)};
+  const auto leads = [&](const Vec3& to, const Vec3& direction, const Quat& q = kTurned) {
+    return sweep.leads_to(bur, {to, q}, direction, 0.01);
+  };
+  EXPECT_TRUE(leads({3, 2, 3}, {1, 0, 0}));
+  EXPECT_TRUE(leads({3.5, 2.005, 3}, {1, 0, 0}));
+  EXPECT_FALSE(leads({2.5, 2, 3}, {1, 0, 0})) << "on its way";
+  EXPECT_FALSE(leads({3.5, 2.02, 3}, {1, 0, 0})) << "beside it";
+  EXPECT_FALSE(leads({3, 2, 3}, {-1, 0, 0})) << "back";
+  EXPECT_FALSE(leads({3, 2, 3}, {0, 1, 0})) << "around a corner";
+  EXPECT_FALSE(leads({3, 2, 3}, {1, 0, 0}, Quat::Identity())) << "with another lean";
+}
+
+TEST(StraightWay, ContainsWhatLiesOnIt) {
+  const Bur bur = make_bur("ball:D1.2", "");
+  const StraightSweep sweep{Pose{Vec3(1, 2, 3), kTurned}, Vec3(2, 0, 0)};
+  const auto contains = [&](const Vec3& from, const Vec3& way, const Quat& q = kTurned) {
+    return sweep.contains(bur, StraightSweep{{from, q}, way}, 0.01);
+  };
+  EXPECT_TRUE(contains({1, 2, 3}, {2, 0, 0}));
+  EXPECT_TRUE(contains({3, 2, 3}, {-2, 0, 0})) << "back";
+  EXPECT_TRUE(contains({1.5, 2.005, 3}, {1, 0, 0}));
+  EXPECT_FALSE(contains({1.5, 2, 3}, {2, 0, 0})) << "beyond its end";
+  EXPECT_FALSE(contains({0.9, 2, 3}, {1, 0, 0})) << "before its start";
+  EXPECT_FALSE(contains({1.5, 2, 3}, {0, 0.1, 0})) << "beside it";
+  EXPECT_FALSE(contains({1.5, 2, 3}, {1, 0, 0}, Quat::Identity())) << "with another lean";
+  // Of one that stands, itself.
+  const StraightSweep standing{Pose{Vec3(1, 2, 3), kTurned}};
+  EXPECT_TRUE(standing.contains(bur, standing, 0.01));
+  EXPECT_FALSE(standing.contains(bur, sweep, 0.01));
+}
+
+TEST(StraightWay, MayBeMetByAHeadThatIsNear) {
+  const Bur bur = make_bur("ball:D1.2", "");
+  const Quat upright = Quat::Identity();
+  const StraightSweep sweep{Pose{Vec3(0, 0, 0), upright}, Vec3(4, 0, 0)};
+  const double reach = 2 * std::hypot(0.5 * bur.head_length(), bur.max_radius());
+  for (const double x : {0.0, 2.0, 4.0}) {
+    EXPECT_TRUE(sweep.may_meet(bur, {Vec3(x, reach + 0.4, 0), upright}, 0.5)) << x;
+    EXPECT_FALSE(sweep.may_meet(bur, {Vec3(x, reach + 0.6, 0), upright}, 0.5)) << x;
+  }
+  EXPECT_FALSE(sweep.may_meet(bur, {Vec3(4 + reach + 0.6, 0, 0), upright}, 0.5));
+}
+
 // A cylinder fed along its own axis, and across it.
 TEST(StraightWay, OfACylinderIsAsLongAndAsWideAsItsWay) {
   const Bur bur = make_bur("cylinder:D1.2xL3.0", "");

@@ -71,6 +71,7 @@ TEST(OverlappingPasses, OfALowerLayerHaveTheirEnergyUnderAFloorThatEndsInAnArc) 
 TEST(OverlappingPasses, OfALowerLayerHaveTheirEnergyWhereThreeWallsMeet) {
   const Passes p =
       layers("cylinder:D1.2xL3.0", 0.241963, 2, {0, -0.070886, 0.009599, -0.018271}, 0.301241);
+  expect_right(p, errors_of(p, 0.1));
   expect_right(p, errors_of(p, 0.05, 0.003, 0.0005));
 }
 

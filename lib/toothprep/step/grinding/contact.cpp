@@ -36,7 +36,7 @@ struct Turn {
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
-// A bur that is off a straight part of its way by less than this (voxels) moves along it again.
+// A bur that is off a straight part of its way by less than this (voxels) moves along it again; or on, at its end.
 constexpr double kRetraced = 0.05;
 
 // How far the element's rim lies behind its tangent plane, mm.
@@ -212,6 +212,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
         sweep.leads_through(bur_, pose, pose.orientation * v, kRetraced * workpiece.voxel()))
       scan.retraced = &sweep;
   }
+  know_sweeps(scan);
   look_along_way(scan);
   std::optional<AlongWay> farther;
   if (!scan.turning.isZero())
@@ -249,11 +250,11 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
   }
   way_ += way;
   path_ += (pose.position - sampled_pose_.position).norm();
+  sampled_pose_ = pose;
   if (!sampled_ || scan.turns != sampled_turning_)
     for (auto* until : {&settled_, &moves_}) std::fill(until->begin(), until->end(), -1.0);
   else if (scan.cuts != sampled_cuts_)
-    doubt_what_was_found();
-  sampled_pose_ = pose;
+    doubt_what_was_found(!scan.sweeps.empty() && leads_here(scan, scan.sweeps.back()));
   sampled_direction_ = scan.direction;
   sampled_speed_ = scan.speed;
   sampled_turning_ = scan.turns;
@@ -261,14 +262,21 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
   sampled_ = true;
 }
 
+// Whether a straight part of the bur's way is that on which it moves on.
+bool ContactModel::leads_here(const Scan& scan, const StraightSweep& sweep) const noexcept {
+  return sweep.leads_to(bur_, sampled_pose_, sampled_pose_.orientation * scan.direction,
+                        kRetraced * scan.workpiece.voxel());
+}
+
 // A cut was put in place: it makes void, and nothing else. It lies behind what is in contact, or hardly beside it, so
 // that this is looked at anew within the next kDoubted of the way, one element after the other rather than all in
-// one step.
-void ContactModel::doubt_what_was_found() noexcept {
+// one step. `own`: the cut is of a straight way that goes on, so that what earlier ways made of pieces stands.
+void ContactModel::doubt_what_was_found(bool own) noexcept {
   const std::size_t n = settled_.size();
+  const Standing* const known = standing_.data();
   for (std::size_t i = 0; i < n; ++i) {
     const double until = kDoubted * static_cast<double>(i) / static_cast<double>(n);
-    settled_[i] = std::min(settled_[i], way_ + until);
+    if (!own || !known[i].by_sweeps) settled_[i] = std::min(settled_[i], way_ + until);
     moves_[i] = std::min(moves_[i], settled_[i]);
     if (found_[i] == Found::kInside) left_[i] = std::min(left_[i], static_cast<float>(until));
   }

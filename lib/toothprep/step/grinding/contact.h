@@ -39,6 +39,7 @@
 #include "toothprep/step/grinding/contact_set.h"
 #include "toothprep/step/grinding/covered_part.h"
 #include "toothprep/step/grinding/kept_cells.h"
+#include "toothprep/step/grinding/known_sweep.h"
 #include "toothprep/step/grinding/straight_sweep.h"
 #include "toothprep/step/grinding/swept_slot.h"
 #include "toothprep/step/grinding/wall_curvature.h"
@@ -103,6 +104,7 @@ class ContactModel {
     std::array<float, kPieces> covered{}, x{}, y{};
     Crossing crossing;
     std::array<double, kPieces> slots_from{};  // mm of way, from which on slots are looked for
+    bool by_sweeps = false;                    // what is divided is known by sweeps
     double holds = 0;                          // as of settled_, but for a whole sample
     Float4 rise{};                             // as of Lanes
     double path = 0;                           // where that was found, as path_
@@ -125,6 +127,8 @@ class ContactModel {
   struct Wall;
   struct Probe;
   struct Slots;
+  struct Parts;
+  struct NearSweeps;
   struct Displaced;
   // Four elements under way that are looked at as a whole.
   struct Look;
@@ -143,8 +147,10 @@ class ContactModel {
   double way_since(const Scan& scan, const Pose& pose) const noexcept;
   bool holds(const Scan& scan, double way) const noexcept;
   void begin(const Scan& scan, const Pose& pose, double way) noexcept;
-  void doubt_what_was_found() noexcept;
+  bool leads_here(const Scan& scan, const StraightSweep& sweep) const noexcept;
+  void doubt_what_was_found(bool own) noexcept;
   void look_along_way(Scan& scan) noexcept;
+  void know_sweeps(const Scan& scan) noexcept;
   void advance(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
   int add_advancing(const Scan& scan, int candidates) noexcept;
@@ -186,6 +192,8 @@ class ContactModel {
   Int4 cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
                       const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
   static void cover_by(const Slots& slots, const Int4& one, const Int4& two, Lanes& lanes) noexcept;
+  Int4 cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
+                       const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
   void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far, const Int4& wanted,
                      Lanes& lanes) const noexcept;
   static Int4 cover_corners(const Scan& scan, const CutOfPieces& cut, const Place& far,
@@ -232,6 +240,12 @@ class ContactModel {
   std::optional<SweptSlot> slot_;  // of a flat end
   bool leaves_slots_ = false;      // as the bur moves now
   bool has_edges_ = false;
+  // Of straight parts of the bur's way that are near; as many are known.
+  static constexpr std::size_t kMostKnown = 12;
+  std::array<KnownSweep, kMostKnown> known_;
+  std::size_t known_count_ = 0;
+  std::uint64_t known_cuts_ = 0;  // chosen when these were the cuts, and there on the way, as path_
+  double known_at_ = -1e9;
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each

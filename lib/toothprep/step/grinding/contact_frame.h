@@ -238,6 +238,7 @@ struct ContactModel::Lanes : Crossing {
   Float4
       rise;  // of the cut's border along the motion, mm per mm; 0 where more than that border tells what is covered
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
+  Int4 by_sweeps{};     // -1: the share is what known sweeps leave
   int tissue;           // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];
 

@@ -27,7 +27,7 @@ constexpr float kBeside = 4;              // 1 / cosine² up to which an edge li
 constexpr float kFloorStandsOut = 0.05f;
 // For this much of the way (voxels) at most what was found of a piece stands: between the lattice's points a gradient
 // changes. Slots were found over several cells.
-constexpr double kSettled = 0.2, kSettledBySlots = 0.4;
+constexpr double kSettled = 0.2, kSettledBySlots = 0.4, kSettledBySweeps = 1;
 constexpr float kUnbounded = 1e3f;  // mm of way
 // So far ahead (voxels) the bur's own print is out of the way, and a field as steep as this (squared, 1 being a
 // distance) is that of one wall.
@@ -103,6 +103,7 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
                                 bool simple, Lanes& s) noexcept {
   s.cells = &near_[i];
   s.slots_from = &standing_[i].slots_from;
+  s.by_sweeps = Int4{};
   s.stays = s.holds = all4(kUnbounded);
   s.rise = Float4{};
   locate(scan, pieces, first, s);
@@ -116,7 +117,11 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   standing.rise = s.rise;
   const Int4 divided = (s.share > kLeastShare) & (s.share < 1);
   const bool by_slots = any(s.by_slots) && !any(divided & ~s.by_slots);
-  const double farthest = way_ + (by_slots ? kSettledBySlots : kSettled) * scan.workpiece.voxel();
+  standing.by_sweeps = any(s.by_sweeps) && !any(divided & ~s.by_sweeps);
+  const double farthest = way_ + (standing.by_sweeps ? kSettledBySweeps
+                                  : by_slots         ? kSettledBySlots
+                                                     : kSettled) *
+                                     scan.workpiece.voxel();
   moves_[i] = simple ? std::min(farthest, until(s, s.rise != 0 ? s.holds : s.stays)) : -1;
   keep(i, farthest, s);
 }

@@ -8,24 +8,19 @@
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/contact_cut.h"
 #include "toothprep/step/grinding/contact_frame.h"
+#include "toothprep/step/grinding/contact_parts.h"
 #include "toothprep/step/grinding/covered_part.h"
 
 namespace toothprep {
 namespace {
 
-// The lattice's values are those that slots make if none differs by more than this (voxels).
-constexpr float kExplained = 0.05f;
-// And a slot that makes all of a piece void has nowhere more void than the lattice by this.
+// A slot that makes all of a piece void has nowhere more void than the lattice by this.
 constexpr float kLessVoid = 0.01f;
-// What is farther from a slot's surface than this (voxels) says nothing of where it is, and nothing crosses a piece
-// whose middle is this much farther than its rim.
-constexpr float kFarOff = 2.5f, kBeyondRim = 0.5f;
-// A value may be that of the bur's own print if it is no more than this (voxels) above it, nor than this part of how far
-// that is away: on the way back the bur's own slot is little farther. All of a cell is print if its middle isn't that
-// much above. With fewer values of a cell than this it isn't known what slot is there.
-constexpr float kAbovePrint = 0.1f, kPartToPrint = 0.5f, kOtherThanPrint = 0.02f;
+// Nor is a value the print's if it is above it by more than this part of how far that is away: on the way back the bur's
+// own slot is little farther. All of a cell is print if its middle isn't so much above (voxels). With fewer values of a
+// cell than this it isn't known what slot is there.
+constexpr float kPartToPrint = 0.5f, kOtherThanPrint = 0.02f;
 constexpr int kLeastValues = 4;
-constexpr float kUnlimited = 1e3f;   // mm
 constexpr float kLeastSteep = 0.2f;  // squared, of a slot's field
 constexpr int kSteps = 3;            // of least squares
 constexpr float kDamped = 1e-5f, kLeastDamp = 1e-9f, kMostStep = 0.5f;  // of its matrix; mm
@@ -33,20 +28,12 @@ constexpr float kDamped = 1e-5f, kLeastDamp = 1e-9f, kMostStep = 0.5f;  // of it
 // The bur is in its own slot again if the lattice, where it differs by less than this (voxels), puts it there.
 constexpr float kAsOwn = 0.1f;
 
-// Chips that thin (voxels) may be none: slots are known better than single walls.
-constexpr float kThinSlot = 0.005f;
-
 // Where none are found it isn't tried again for so much of the way (voxels).
 constexpr double kNoSlots = 2;
 
-// Cells are looked at in a piece's middle and near its corners (of half its extents); and so far beyond these (voxels),
-// where a slot stands alone.
-constexpr float kNearCorner = 0.8f, kBeyondCorner = 1.5f;
-constexpr int kCellsInPiece = 5, kCells = 9, kCorners = 8;
-// What is covered is summed over parts of a piece: rows between these places along the profile, the narrowest at
-// the bur's edge, where chips of floor are as thin as a slot's ellipse; of so many parts around the axis.
-constexpr float kRows[] = {-1, -0.88f, -0.6f, 0, 1};
-constexpr int kRowCount = 4, kParts = 3, kAllParts = kRowCount * kParts;
+// Cells are looked at in pieces and so far beyond their corners (voxels), where a slot stands alone.
+constexpr float kBeyondCorner = 1.5f;
+constexpr int kCells = 9;
 
 }  // namespace
 
@@ -311,25 +298,11 @@ struct ContactModel::Slots {
   }
 };
 
-// What is covered by where slots are: part by part.
+// What is covered by where slots are.
 void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two,
                             Lanes& s) noexcept {
   const CutOfPieces& cut = slots.cut;
-  struct Part {
-    float x, y, half_along, half_around;
-    Borders border;
-  };
-  const float from_edge = s.edge > 0 ? -1 : 1;
-  Part parts[kAllParts];
-  Float4 thick{};
-  Borders border{};  // as straight as it is on the whole
-  float xx = 0, yy = 0;
-  for (int k = 0; k < kAllParts; ++k) {
-    Part& part = parts[k];
-    const int row = k / kParts, column = k % kParts;
-    part.half_along = 0.5f * (kRows[row + 1] - kRows[row]), part.half_around = 1.0f / kParts;
-    part.x = from_edge * (kRows[row] + part.half_along);
-    part.y = part.half_around * static_cast<float>(2 * column + 1 - kParts);
+  const auto border_of = [&](const Parts::Part& part) {
     const Float4 x = all4(part.x), y = all4(part.y), wide = 1 + cut.axes.widening * x;
     const SweptSlot::Place at = slots.place(x, y);
     SweptSlot::Sample g = slots.sample(1, at);
@@ -337,38 +310,14 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
     const auto along = [&](const SweptSlot::Place& way) {
       return g.gradient.l * way.l + g.gradient.h * way.h;
     };
-    part.border = {g.value,
+    return Borders{g.value,
                    part.half_along * along(slots.along + cut.axes.widening * y * slots.around +
                                            2 * x * slots.bent_along),
                    part.half_around * along(wide * slots.around + 2 * y * slots.bent_around)};
-    thick = greatest(
-        thick, magnitude(part.border.along) + magnitude(part.border.around) - part.border.value);
-    const float weight = part.half_along * part.half_around;
-    border.value += weight * part.border.value;
-    border.along += weight * part.x * part.border.value, xx += weight * part.x * part.x;
-    border.around += weight * part.y * part.border.value, yy += weight * part.y * part.y;
-  }
-  border.along *= 1 / xx, border.around *= 1 / yy;
-  // A floor or a step that crosses a straight side goes on beside a piece that it hardly touches.
-  const Int4 goes_on = cut.straight ? cut.crosses(border) & ~s.at_edge : Int4{};
-  const Float4 doubt = goes_on ? Float4{} : doubt_of_thin(thick, kThinSlot * cut.voxel);
-  border.value += doubt;
-  CoveredPart<Float4> sum{};
-  for (Part& part : parts) {
-    const float weight = part.half_along * part.half_around;
-    part.border.value += doubt;
-    const CoveredPart<Float4> covered = part.border.part();
-    sum.share += weight * covered.share;
-    sum.x += weight * covered.share * (part.x + part.half_along * covered.x);
-    sum.y += weight * covered.share * (part.y + part.half_around * covered.y);
-  }
-  const Float4 per_share = 1 / greatest(sum.share, all4(kLeastShare));
+  };
   const Int4 where = one | two;
-  s.by_slots |= where;
-  s.rise = where ? Float4{} : s.rise;
+  Parts(s, border_of).cover(cut, where, kThinSlot * cut.voxel, s);
   s.stays = where ? all4(kUnlimited) : s.stays, s.holds = where ? all4(kUnlimited) : s.holds;
-  s.cover(where, {sum.share, per_share * sum.x, per_share * sum.y});
-  s.cut.replace(where, border);
 }
 
 // Pieces of which one slot or two are all that there is; the others are left. `far`: their middles, so far ahead that

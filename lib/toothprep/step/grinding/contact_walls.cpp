@@ -81,10 +81,16 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   };
   const Float4 way = way_from_print(kFromPrint);
   const Int4 clear = way >= look_ahead;
+  const bool by_sweeps = known_count_ > 0 && !scan.turns && !scan.farther;
   const bool by_slots = leaves_slots_ && (has_edges_ || cut.straight || slot_->edge().draws());
-  if (has_edges_ || by_slots) {
+  if (has_edges_ || by_slots || by_sweeps) {
     const Float4 way_there = way_from_print(kGrooveFromPrint);
     Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
+    if (by_sweeps && any(beside_slots)) {
+      others &= ~cover_by_sweeps(scan, cut, ahead(way_there),
+                                 way_there * (advance + 0.5f * bend * way_there), beside_slots, s);
+      beside_slots &= others;
+    }
     for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
     if (by_slots && any(beside_slots))
       others &= ~cover_by_slots(scan, cut, ahead(way_there),

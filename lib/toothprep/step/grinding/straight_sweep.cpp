@@ -13,6 +13,8 @@ double moved_by_lean(const Bur& bur, const Pose& from, const Pose& to) {
          (to.orientation * Vec3::UnitZ() - from.orientation * Vec3::UnitZ()).norm();
 }
 
+constexpr double kSameWay = 0.999;  // cosine
+
 }  // namespace
 
 bool StraightSweep::lead_on(const Bur& bur, const Pose& to, double most_aside) noexcept {
@@ -34,9 +36,41 @@ bool StraightSweep::leads_through(const Bur& bur, const Pose& pose, const Vec3& 
   const Vec3 along = way / length, here = pose.position - from.position;
   const double at = along.dot(here), on_way = along.dot(v) / speed;
   if (at < 0 || at > length || (here - at * along).norm() > off_line) return false;
-  constexpr double kSameWay = 0.999;
   return std::abs(on_way) > kSameWay && (on_way > 0 ? length - at : at) > off_line &&
          moved_by_lean(bur, from, pose) < off_line;
+}
+
+bool StraightSweep::leads_to(const Bur& bur, const Pose& pose, const Vec3& direction,
+                             double off_line) const noexcept {
+  const double length = way.norm();
+  if (!(length > 0)) return false;
+  const Vec3 along = way / length, here = pose.position - from.position;
+  const double at = along.dot(here);
+  return along.dot(direction) > kSameWay && at > length - off_line &&
+         (here - at * along).norm() < off_line && moved_by_lean(bur, from, pose) < off_line;
+}
+
+bool StraightSweep::contains(const Bur& bur, const StraightSweep& other,
+                             double off_line) const noexcept {
+  const double length = way.norm();
+  const auto on_line = [&](const Vec3& place) {
+    const Vec3 here = place - from.position;
+    const double at = length > 0 ? way.dot(here) / length : 0;
+    return at >= -off_line && at <= length + off_line &&
+           (length > 0 ? Vec3(here - at / length * way) : here).norm() < off_line;
+  };
+  return on_line(other.from.position) && on_line(other.from.position + other.way) &&
+         moved_by_lean(bur, from, other.from) < off_line;
+}
+
+bool StraightSweep::may_meet(const Bur& bur, const Pose& pose, double near) const noexcept {
+  // By balls around the head.
+  const Vec3 middle(0, 0, 0.5 * bur.head_length()), start = from.to_world(middle),
+                                                    here = pose.to_world(middle) - start;
+  const double length2 = way.squaredNorm(),
+               at = length2 > 0 ? std::clamp(way.dot(here) / length2, 0.0, 1.0) : 0,
+               radius = std::hypot(middle.z(), bur.max_radius());
+  return (here - at * way).norm() < 2 * radius + near;
 }
 
 bool StraightSweep::was_over(const Bur& bur, const Vec3& place, double depth) const noexcept {

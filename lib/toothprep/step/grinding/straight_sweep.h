@@ -19,6 +19,14 @@ struct StraightSweep {
   // took there, for at least that much way.
   [[nodiscard]] bool leads_through(const Bur& bur, const Pose& pose, const Vec3& v,
                                    double aside) const noexcept;
+  // Whether it leads to where the bur is, to `aside` (mm), and goes on as the bur does, by a unit vector (W).
+  [[nodiscard]] bool leads_to(const Bur& bur, const Pose& pose, const Vec3& direction,
+                              double aside) const noexcept;
+  // Whether all of another's way is on this one's, to `aside` (mm).
+  [[nodiscard]] bool contains(const Bur& bur, const StraightSweep& other,
+                              double aside) const noexcept;
+  // Whether the head, which is at `pose` now, may come within `near` (mm) of what it took there.
+  [[nodiscard]] bool may_meet(const Bur& bur, const Pose& pose, double near) const noexcept;
   // Whether the bur, which has a convex head, was over a place (W, mm) there, deeper than `depth` (mm).
   [[nodiscard]] bool was_over(const Bur& bur, const Vec3& place, double depth) const noexcept;
 };

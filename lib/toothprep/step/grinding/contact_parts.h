@@ -1,0 +1,88 @@
+// What is covered of four pieces of an element, where the cut is known at every place of them: part by part. What
+// contact_slots.cpp and contact_sweeps.cpp share. Internal to contact*.cpp.
+#pragma once
+
+#include "toothprep/step/grinding/contact_cut.h"
+
+namespace toothprep {
+
+constexpr float kUnlimited = 1e3f;  // mm
+// The lattice's values are those that slots make if none differs by more than this (voxels).
+constexpr float kExplained = 0.05f;
+// What is farther from a slot's surface than this (voxels) says nothing of where it is, and nothing crosses a piece
+// whose middle is this much farther than its rim.
+constexpr float kFarOff = 2.5f, kBeyondRim = 0.5f;
+// A value may be that of the bur's own print if it is no more than this (voxels) above it.
+constexpr float kAbovePrint = 0.1f;
+// Chips that thin (voxels) may be none: slots are known better than single walls.
+constexpr float kThinSlot = 0.005f;
+// Cells are looked at in a piece's middle and near its corners (of half its extents).
+constexpr float kNearCorner = 0.8f;
+constexpr int kCellsInPiece = 5, kCorners = 8;
+
+// Rows between these places along the profile, the narrowest at the bur's edge, where chips of floor are as thin as a
+// slot's ellipse; of so many parts around the axis.
+struct ContactModel::Parts {
+  static constexpr float kRows[] = {-1, -0.88f, -0.6f, 0, 1};
+  static constexpr int kRowCount = 4, kAcross = 3, kCount = kRowCount * kAcross;
+
+  // Part number k of a piece that lies at an edge as Lanes has it: its middle, -1 .. 1, and half of its extents.
+  struct Part {
+    float x, y, half_along, half_around;
+    Part(int k, float edge) {
+      const int row = k / kAcross, column = k % kAcross;
+      half_along = 0.5f * (kRows[row + 1] - kRows[row]), half_around = 1.0f / kAcross;
+      x = (edge > 0 ? -1.0f : 1.0f) * (kRows[row] + half_along);
+      y = half_around * static_cast<float>(2 * column + 1 - kAcross);
+    }
+    float weight() const { return half_along * half_around; }
+  };
+
+  // `border_of`: of a part, as Borders.
+  template <class BorderOf>
+  Parts(const Lanes& s, const BorderOf& border_of) {
+    for (int k = 0; k < kCount; ++k) borders[k] = border_of(Part(k, s.edge));
+  }
+
+  // Covers the pieces `where`. What is thinner than `thin` (mm) may be none.
+  void cover(const CutOfPieces& cut, const Int4& where, float thin, Lanes& s) {
+    Float4 thick{};
+    Borders border{};  // as straight as it is on the whole
+    float xx = 0, yy = 0;
+    for (int k = 0; k < kCount; ++k) {
+      const Part part(k, s.edge);
+      const Borders& of = borders[k];
+      thick = greatest(thick, magnitude(of.along) + magnitude(of.around) - of.value);
+      const float weight = part.weight();
+      border.value += weight * of.value;
+      border.along += weight * part.x * of.value, xx += weight * part.x * part.x;
+      border.around += weight * part.y * of.value, yy += weight * part.y * part.y;
+    }
+    border.along *= 1 / xx, border.around *= 1 / yy;
+    // A floor or a step that crosses a straight side goes on beside a piece that it hardly touches.
+    const Int4 goes_on = cut.straight ? cut.crosses(border) & ~s.at_edge : Int4{};
+    const Float4 doubt = goes_on ? Float4{} : doubt_of_thin(thick, thin);
+    border.value += doubt;
+    CoveredPart<Float4> sum{};
+    for (int k = 0; k < kCount; ++k) {
+      const Part part(k, s.edge);
+      Borders of = borders[k];
+      of.value += doubt;
+      const CoveredPart<Float4> covered = of.part();
+      const Float4 share = part.weight() * covered.share;
+      sum.share += share;
+      sum.x += share * (part.x + part.half_along * covered.x);
+      sum.y += share * (part.y + part.half_around * covered.y);
+    }
+    const Float4 per_share = 1 / greatest(sum.share, all4(kLeastShare));
+    s.by_slots |= where;
+    s.rise = where ? Float4{} : s.rise;
+    s.cover(where, {sum.share, per_share * sum.x, per_share * sum.y});
+    s.cut.replace(where, border);
+  }
+
+ private:
+  Borders borders[kCount];
+};
+
+}  // namespace toothprep

@@ -1,0 +1,57 @@
+// What a convex bur takes that moves straight on, seen along the motion: a convex figure, known by the lines that touch it.
+// How far a place lies within it is how far it lies from the nearest of these. Around sharp edges distances are mitred, as
+// those are by which removal carves (Bur::mitred_distances): an edge's lines count the less the farther it goes with the
+// distance.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "toothprep/step/bur/profile.h"
+#include "toothprep/step/core/geometry.h"
+#include "toothprep/step/grinding/four_lanes.h"
+
+namespace toothprep {
+
+class SweptOutline {
+ public:
+  // Across the motion: beside the bur's axis, along it; and along the motion. Unit vectors, B.
+  struct Axes {
+    Vec3 beside, up, along;
+  };
+
+  // Of a bur that moves along a unit vector (B). Whether there is an outline: along its axis there is none.
+  bool draw(const std::vector<ProfilePiece>& outline, const Vec3& along) noexcept;
+  const Axes& axes() const { return axes_; }
+
+  struct Sample {
+    Float4 value;       // mm within it, negative outside
+    Float4 by_l, by_h;  // its gradient
+    Float4 from, to;    // mm along the motion, from the tip: where the bur touches the nearest line
+  };
+  // At places (mm, by the axes, from the tip's path).
+  Sample at(const Float4& l, const Float4& h) const noexcept;
+
+ private:
+  struct Direction;
+  struct Line {
+    float l, h, reach;  // the value is reach - l |at_l| - h at_h
+    // Where the bur touches it, along its motion, mm; by so much more per value within it.
+    float from, to, moves;
+    // Whether the lines before and behind it touch the same arc or edge: between them it bends evenly.
+    bool has_before, has_after;
+    const ProfilePiece* face;  // that it touches, or that begins there, if any
+  };
+  // `stretch`: of distances from an edge.
+  void add(const Direction& normal, double reach, double stretch, double from, double to,
+           double moves, const ProfilePiece* face = nullptr) noexcept;
+  // What the lines say together at one place of the nearest of them and its neighbours.
+  void bend(int lane, float beside, float h, const Line* nearest, Sample& s) const noexcept;
+
+  static constexpr std::size_t kMostLines = 96;
+  std::array<Line, kMostLines> lines_{};
+  std::size_t count_ = 0;
+  Axes axes_;
+};
+
+}  // namespace toothprep
