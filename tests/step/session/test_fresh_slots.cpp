@@ -17,6 +17,20 @@ TEST(FreshSlots, OfFlatEndsThatLeanBackTakeTheirEnergy) {
           << bur << " leant across by " << across;
 }
 
+// Where they enter a block and leave it, its end and its top cross the same elements.
+TEST(FreshSlots, OfUprightFlatEndsTakeTheirEnergyAlsoAtABlocksEnds) {
+  for (const double voxel : {0.1, 0.05})
+    for (const auto& [bur, depth] : {std::pair{"cylinder:D1.2xL3.0", 0.255},
+                                     {"cylinder:D1.2xL3.0", 0.262},
+                                     {"cylinder:D1.2xL3.0", 0.27},
+                                     {"cylinder:D1.2xL4.0xR0.3", 0.56},
+                                     {"inverted-cone:D1.2xL1.6xA8", 0.24}}) {
+      const double allowed = voxel > 0.07 ? 0.005 : 0.002;
+      EXPECT_LT(errors_of({bur, depth, 0, 0, 2, {0}}, voxel, allowed, allowed).beyond, 1)
+          << bur << ", " << depth << " mm deep";
+    }
+}
+
 // In the middle of the block the power is level. Many of the pieces that the top face crosses are curved
 // in a shallow slot: the face divides them, and v·n and r change over them, to second order. Where the surface turns away
 // from the motion, what advances and what the bur's own print leaves are cut off together.

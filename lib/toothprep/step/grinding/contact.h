@@ -158,10 +158,12 @@ class ContactModel {
   void look(const Scan& scan, const std::int32_t* elements, int count) noexcept;
   void locate(const Scan& scan, Look& look) noexcept;
   bool floor_at_edge(const Scan& scan, int lane, const Look& look) const noexcept;
-  Float4 at_corners(const Scan& scan, int lane, const Look& look) const noexcept;
+  Float4 at_corners(const Scan& scan, const LevelSet& field, int lane,
+                    const Look& look) const noexcept;
   bool corner_in_tissue(const Scan& scan, int lane, const Look& look) const noexcept;
   bool corner_in_void(const Scan& scan, int lane, const Look& look) const noexcept;
   bool ends_differ(const Scan& scan, int lane, const Look& look) const noexcept;
+  bool has_edge_of_tooth(const Scan& scan, int lane, const Look& look) const noexcept;
   void look_farther(const Scan& scan, Look& look) noexcept;
   void look_for_tissue(const Scan& scan, int lane, Look& look) noexcept;
   void note_found(const Scan& scan, int lane, const Look& look) noexcept;

@@ -237,8 +237,9 @@ void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
   s.clear = hidden ? clear : s.clear;
 }
 
-// The cut at the corners of one of them, mm.
-Float4 ContactModel::at_corners(const Scan& scan, int p, const Look& s) const noexcept {
+// A field at the corners of one of them, mm.
+Float4 ContactModel::at_corners(const Scan& scan, const LevelSet& field, int p,
+                                const Look& s) const noexcept {
   const IndexFrame& f = scan.frame;
   const int i = s.elements[p];
   const SurfaceElements& e = elements_;
@@ -250,15 +251,15 @@ Float4 ContactModel::at_corners(const Scan& scan, int p, const Look& s) const no
                       s.at_y[p] - down.y() + up * along.y() + aside * around.y(),
                       s.at_z[p] - down.z() + up * along.z() + aside * around.z());
   FourCells cells;
-  cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
-             Int4{-1, -1, -1, -1});
+  cells.read(field, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), Int4{-1, -1, -1, -1});
   return cells.at(at.fx, at.fy, at.fz).value;
 }
 
 // Whether a corner of one of them lies in a cut that its middle doesn't tell of: there the bur's own print is nearer.
 bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const noexcept {
   return -s.value[p] < s.corner[p] &&
-         any(at_corners(scan, p, s) > kCornerInVoid * static_cast<float>(scan.workpiece.voxel()));
+         any(at_corners(scan, scan.workpiece.cut(), p, s) >
+             kCornerInVoid * static_cast<float>(scan.workpiece.voxel()));
 }
 
 // Whether a corner of one of them lies in tissue that its middle doesn't tell of: over an earlier slot's floor that is
@@ -270,14 +271,14 @@ bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) cons
   return s.value[p] < s.corner[p] &&
          Eigen::Vector3f(e.nx[i], e.ny[i], e.nz[i]).dot(s.u[p]) > kAdvancesLittle &&
          any(Int4{upper, upper, lower, lower} &
-             (at_corners(scan, p, s) <
+             (at_corners(scan, scan.workpiece.cut(), p, s) <
               -kCornerInTissue * static_cast<float>(scan.workpiece.voxel())));
 }
 
 // Whether another wall than in the middle of one of them is met at its upper or lower end: the floor of an earlier layer.
 // That at the bur's own edge floor_at_edge() tells.
 bool ContactModel::ends_differ(const Scan& scan, int p, const Look& s) const noexcept {
-  const Float4 corners = at_corners(scan, p, s);
+  const Float4 corners = at_corners(scan, scan.workpiece.cut(), p, s);
   const float slack =
       s.along[p] + s.sag[p] + kAnotherWall * static_cast<float>(scan.workpiece.voxel());
   const auto differs = [&](int a, int b) {
@@ -285,6 +286,18 @@ bool ContactModel::ends_differ(const Scan& scan, int p, const Look& s) const noe
   };
   const float edge = edge_[s.elements[p]];
   return (!(edge > 0) && differs(0, 1)) || (!(edge < 0) && differs(2, 3));
+}
+
+// Whether the tooth's surface has an edge in one of them: it isn't level between two of its corners and the others.
+bool ContactModel::has_edge_of_tooth(const Scan& scan, int p, const Look& s) const noexcept {
+  if (standing_[s.elements[p]].inside_tooth) return false;
+  const LevelSet& solid = scan.workpiece.tooth().solid;
+  const Float4 corners = at_corners(scan, solid, p, s);
+  const float middle =
+                  field_at(solid, scan.frame.base, Eigen::Vector3f(s.at_x[p], s.at_y[p], s.at_z[p]))
+                      .value,
+              mean = 0.25f * (corners[0] + corners[1] + corners[2] + corners[3]);
+  return std::abs(mean - middle) > kAnotherWall * static_cast<float>(scan.workpiece.voxel());
 }
 
 void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
@@ -308,7 +321,8 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   const bool known = in_one_tissue || elements_.half_along[i] + voxel < scan.workpiece.band();
   standing.strips = (clear < 0 || !standing.oblique) && elements_.curvature_along[i] == 0 &&
                     known && s.along[p] < kAlongWall * elements_.half_around[i] &&
-                    !floor_at_edge(scan, p, s) && !ends_differ(scan, p, s);
+                    !floor_at_edge(scan, p, s) && !ends_differ(scan, p, s) &&
+                    !has_edge_of_tooth(scan, p, s);
 }
 
 // Whether element i lies in the tooth as a whole, and in which tissue. Returns how far that stands,
