@@ -158,8 +158,10 @@ class ContactModel {
   void look(const Scan& scan, const std::int32_t* elements, int count) noexcept;
   void locate(const Scan& scan, Look& look) noexcept;
   bool floor_at_edge(const Scan& scan, int lane, const Look& look) const noexcept;
+  Place corners(const Scan& scan, int lane, const Look& look) const noexcept;
   Float4 at_corners(const Scan& scan, const LevelSet& field, int lane,
                     const Look& look) const noexcept;
+  Float4 taken_from(const Scan& scan, int lane, const Look& look, const Place& at) const noexcept;
   bool corner_in_tissue(const Scan& scan, int lane, const Look& look) const noexcept;
   bool corner_in_void(const Scan& scan, int lane, const Look& look) const noexcept;
   bool ends_differ(const Scan& scan, int lane, const Look& look) const noexcept;
@@ -194,6 +196,8 @@ class ContactModel {
   Int4 cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
                       const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
   static void cover_by(const Slots& slots, const Int4& one, const Int4& two, Lanes& lanes) noexcept;
+  bool knows_sweeps(const Scan& scan) const noexcept;
+  Float4 taken_by_sweeps(const Place& at) const noexcept;
   Int4 cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
                        const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
   void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far, const Int4& wanted,

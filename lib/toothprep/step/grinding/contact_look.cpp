@@ -25,6 +25,8 @@ constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFlo
                 kThinFloor = 0.02f;
 // So far within a cut (voxels) a corner is in the void, and so far outside of it in tissue, whatever the lattice rounds.
 constexpr float kCornerInVoid = 0.005f, kCornerInTissue = 0.02f;
+// Of what is known of sweeps: outside of these.
+constexpr float kCornerLeft = 0.005f;
 // Another wall than in an element's middle is met at an end whose values differ by more than this (voxels).
 constexpr float kAnotherWall = 0.1f;
 // What is found stands for this many voxels at most.
@@ -237,42 +239,65 @@ void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
   s.clear = hidden ? clear : s.clear;
 }
 
-// A field at the corners of one of them, mm.
-Float4 ContactModel::at_corners(const Scan& scan, const LevelSet& field, int p,
-                                const Look& s) const noexcept {
+// The samples at the corners of one of them.
+ContactModel::Place ContactModel::corners(const Scan& scan, int p, const Look& s) const noexcept {
   const IndexFrame& f = scan.frame;
   const int i = s.elements[p];
   const SurfaceElements& e = elements_;
   const Eigen::Vector3f along = e.half_along[i] * f.turned(e.lx[i], e.ly[i], e.lz[i]),
                         around = e.half_around[i] * f.turned(e.tx[i], e.ty[i], 0),
                         down = s.sag[p] * f.turned(e.nx[i], e.ny[i], e.nz[i]);
-  const Float4 up{1, 1, -1, -1}, aside{1, -1, 1, -1};
-  const FourPlaces at(s.at_x[p] - down.x() + up * along.x() + aside * around.x(),
-                      s.at_y[p] - down.y() + up * along.y() + aside * around.y(),
-                      s.at_z[p] - down.z() + up * along.z() + aside * around.z());
+  // Farther from the axis it is wider.
+  const float wider =
+      e.half_along[i] * (e.lx[i] * e.x[i] + e.ly[i] * e.y[i]) / (e.radius[i] * e.radius[i]);
+  const Float4 up{1, 1, -1, -1}, aside = Float4{1, -1, 1, -1} * (1 + wider * up);
+  return {f, s.at_x[p] - down.x() + up * along.x() + aside * around.x(),
+          s.at_y[p] - down.y() + up * along.y() + aside * around.y(),
+          s.at_z[p] - down.z() + up * along.z() + aside * around.z()};
+}
+
+// A field there, mm.
+Float4 ContactModel::at_corners(const Scan& scan, const LevelSet& field, int p,
+                                const Look& s) const noexcept {
+  const Place there = corners(scan, p, s);
+  const FourPlaces at(there.x, there.y, there.z);
+  const Index3& base = scan.frame.base;
   FourCells cells;
-  cells.read(field, at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), Int4{-1, -1, -1, -1});
+  cells.read(field, at.x + base.x(), at.y + base.y(), at.z + base.z(), Int4{-1, -1, -1, -1});
   return cells.at(at.fx, at.fy, at.fz).value;
+}
+
+// What known sweeps make of places of one of them, as taken_by_sweeps().
+Float4 ContactModel::taken_from(const Scan& scan, int p, const Look& s,
+                                const Place& at) const noexcept {
+  const Eigen::Vector3f& ahead = s.ahead[p];
+  return taken_by_sweeps({scan.frame, at.x - ahead.x(), at.y - ahead.y(), at.z - ahead.z()});
 }
 
 // Whether a corner of one of them lies in a cut that its middle doesn't tell of: there the bur's own print is nearer.
 bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const noexcept {
+  const float least_value = kCornerInVoid * static_cast<float>(scan.workpiece.voxel());
   return -s.value[p] < s.corner[p] &&
-         any(at_corners(scan, scan.workpiece.cut(), p, s) >
-             kCornerInVoid * static_cast<float>(scan.workpiece.voxel()));
+         (any(at_corners(scan, scan.workpiece.cut(), p, s) > least_value) ||
+          (knows_sweeps(scan) && any(taken_from(scan, p, s, corners(scan, p, s)) > least_value)));
 }
 
 // Whether a corner of one of them lies in tissue that its middle doesn't tell of: over an earlier slot's floor that is
-// nearer than the wall beside it. Of corners at the bur's own edges floor_at_edge() tells.
+// nearer than the wall beside it. Of corners at the bur's own edges floor_at_edge() tells, or known sweeps which took the
+// middle.
 bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) const noexcept {
   const int i = s.elements[p];
   const SurfaceElements& e = elements_;
+  const float voxel = static_cast<float>(scan.workpiece.voxel());
+  if (!(s.value[p] < s.corner[p] &&
+        Eigen::Vector3f(e.nx[i], e.ny[i], e.nz[i]).dot(s.u[p]) > kAdvancesLittle))
+    return false;
   const std::int32_t upper = edge_[i] > 0 ? 0 : -1, lower = edge_[i] < 0 ? 0 : -1;
-  return s.value[p] < s.corner[p] &&
-         Eigen::Vector3f(e.nx[i], e.ny[i], e.nz[i]).dot(s.u[p]) > kAdvancesLittle &&
-         any(Int4{upper, upper, lower, lower} &
-             (at_corners(scan, scan.workpiece.cut(), p, s) <
-              -kCornerInTissue * static_cast<float>(scan.workpiece.voxel())));
+  const Int4 in_tissue = at_corners(scan, scan.workpiece.cut(), p, s) < -kCornerInTissue * voxel;
+  if (any(Int4{upper, upper, lower, lower} & in_tissue)) return true;
+  const Place middle{scan.frame, all4(s.at_x[p]), all4(s.at_y[p]), all4(s.at_z[p])};
+  return knows_sweeps(scan) && taken_from(scan, p, s, middle)[0] > 0 &&
+         any(taken_from(scan, p, s, corners(scan, p, s)) < -kCornerLeft * voxel);
 }
 
 // Whether another wall than in the middle of one of them is met at its upper or lower end: the floor of an earlier layer.

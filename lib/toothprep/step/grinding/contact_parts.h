@@ -23,8 +23,8 @@ constexpr int kCellsInPiece = 5, kCorners = 8;
 // Rows between these places along the profile, the narrowest at the bur's edge, where chips of floor are as thin as a
 // slot's ellipse; of so many parts around the axis.
 struct ContactModel::Parts {
-  static constexpr float kRows[] = {-1, -0.88f, -0.6f, 0, 1};
-  static constexpr int kRowCount = 4, kAcross = 3, kCount = kRowCount * kAcross;
+  static constexpr float kRows[] = {-1, -0.88f, -0.6f, 0, 0.6f, 0.88f, 1};
+  static constexpr int kRowCount = 6, kAcross = 3, kCount = kRowCount * kAcross;
 
   // Part number k of a piece that lies at an edge as Lanes has it: its middle, -1 .. 1, and half of its extents.
   struct Part {

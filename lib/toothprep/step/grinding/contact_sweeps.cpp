@@ -75,6 +75,20 @@ void ContactModel::know_sweeps(const Scan& scan) noexcept {
     known_[k].put(scan.workpiece.lattice(), scan.frame.base);
 }
 
+bool ContactModel::knows_sweeps(const Scan& scan) const noexcept {
+  return known_count_ > 0 && !scan.turns;
+}
+
+// The largest value of them all where the bur was nearest on the way.
+Float4 ContactModel::taken_by_sweeps(const Place& at) const noexcept {
+  Float4 value = all4(-kUnlimited);
+  for (std::size_t k = 0; k < known_count_; ++k) {
+    const KnownSweep::Sample s = known_[k].at(at.x, at.y, at.z);
+    value = s.on_way ? greatest(value, s.value) : value;
+  }
+  return value;
+}
+
 // Pieces around which these sweeps make all that there is; the others are left. `far`: their middles, so far ahead that
 // the bur's own print is `from_print` (mm) away.
 Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
