@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <optional>
+
 #include "experiment.h"
 #include "toothprep/proof/reference/swept_passes.h"
 #include "toothprep/step/core/units.h"
@@ -29,6 +31,8 @@ struct Passes {
   double element_size = 0;  // mm; 0: the default
   bool forgets = false;  // back in a new session, which knows of the cut but not of the bur's way
   std::vector<double> deeper = {};  // than `depth`, of each pass, mm; empty: none
+  bool each_alone =
+      false;  // in a session of its own, which knows earlier passes by their cut alone
 
   double depth_of(std::size_t pass) const { return depth + (deeper.empty() ? 0 : deeper[pass]); }
 };
@@ -45,7 +49,7 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
   const Quat q = upright_leant(p.across, p.along);
   Workpiece workpiece(tooth);
   HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
-  Session session(bur, workpiece, parameters, Drive::kDirect, handle);
+  std::optional<Session> session(std::in_place, bur, workpiece, parameters, Drive::kDirect, handle);
   StepRecord last;
   const auto cut_to = [&](double x, Session& by) {
     const double before = by.totals().torque_work, from = handle.pose.position.x();
@@ -61,16 +65,20 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
   for (std::size_t i = 0; i < p.z.size(); ++i) {
     // To the start of the pass with the motor off: nothing is ground on the way.
     handle.pose.position = Vec3(-kStart, -p.depth_of(i), p.z[i]);
+    if (p.each_alone && i > 0) {
+      session->finish(last);
+      session.emplace(bur, workpiece, parameters, Drive::kDirect, handle);
+    }
     handle.buttons = 0;
-    session.step(handle);
+    session->step(handle);
     handle.buttons = kPedalButton;
-    const double pass = cut_to(kStart, session);
+    const double pass = cut_to(kStart, *session);
     if (p.forgets) {
-      session.finish(last);
+      session->finish(last);
       Session other(bur, workpiece, parameters, Drive::kDirect, handle);
       work.push_back({pass, cut_to(-kStart, other)});
     } else {
-      work.push_back({pass, cut_to(-kStart, session)});
+      work.push_back({pass, cut_to(-kStart, *session)});
     }
   }
   return work;
