@@ -674,8 +674,8 @@ TEST(ElementSize, HalvedItMakesTheErrorOfAnOverlappingPassFall) {
     std::printf("elements of %.4f mm: error %.2f %%\n", size, 100 * errors.back());
   }
   EXPECT_LT(errors[1], errors[0] / 3);
-  EXPECT_LT(errors[2], errors[1]);
-  EXPECT_LT(errors[2], 0.002);
+  EXPECT_LT(errors[2], errors[0] / 9);
+  EXPECT_LT(errors[2], 0.001);
 }
 
 TEST(ElementSize, AboveAQuarterOfTheBursRadiusIsRefusedWithTheLargestThatWouldDo) {

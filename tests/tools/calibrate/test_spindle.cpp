@@ -253,9 +253,9 @@ TEST(Spindle, AnInertiaThatIsNotIdentifiableIsOmitted) {
 }
 
 // Above half the stall torque an imposed feed stalls: those samples obey another law, and are left
-// out.
+// out. With 1.7 N·mm the last feed, half of it in dentin, is within 2 % of the most power that there is.
 TEST(Spindle, StalledSamplesAreLeftOut) {
-  const Droop d(1.7);
+  const Droop d(1.8);
   ASSERT_GT(d.stalled, 100);
   const FitResult r = d.fitted();
   EXPECT_GE(r.recordings[0].stalled, static_cast<std::size_t>(d.stalled) / 2);

@@ -2,6 +2,7 @@
 // four pieces, so is what is covered of these, however thin.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/contact_cut.h"
@@ -25,10 +26,19 @@ constexpr double kSame = 0.01;
 
 }  // namespace
 
-// Of the known sweeps those that matter at some pieces.
+// Of the known sweeps those that matter at four pieces.
 struct ContactModel::NearSweeps {
+  const Scan& scan;
+  const CutOfPieces& cut;
+  Float4 rise[3];  // over a cell, along the pieces' normal, mm
   const KnownSweep* sweeps[kMostKnown];
   int count = 0;
+
+  NearSweeps(const Scan& in, const CutOfPieces& of) : scan(in), cut(of) {
+    const float *a = scan.frame.a, square = cut.voxel * cut.voxel;
+    for (int i = 0; i < 3; ++i)
+      rise[i] = square * (a[3 * i] * cut.nx + a[3 * i + 1] * cut.ny + a[3 * i + 2] * cut.nz);
+  }
 
   // At places (voxels, from the tip's): the largest value, and the largest of those where the bur wasn't nearest on
   // that way but at one of its ends: there it is less. Gradient per voxel.
@@ -50,6 +60,54 @@ struct ContactModel::NearSweeps {
     }
     return taken;
   }
+
+  // A place beside others, by mm in B.
+  Place beside(const Place& from, const Displaced& d) const {
+    const float* a = scan.frame.a;
+    return {scan.frame, from.x + (a[0] * d.x + a[1] * d.y + a[2] * d.z),
+            from.y + (a[3] * d.x + a[4] * d.y + a[5] * d.z),
+            from.z + (a[6] * d.x + a[7] * d.y + a[8] * d.z)};
+  }
+
+  // Of these pieces, those for which they make the lattice's values in the cells of places that are so far (mm) from the
+  // bur's own print.
+  Int4 explain(const Place& at, const Float4& from_print, Int4 good) const {
+    const FourPlaces in(at.x, at.y, at.z);
+    const Index3& base = scan.frame.base;
+    const float voxel = cut.voxel;
+    FourCells cells;
+    cells.read(scan.workpiece.cut(), in.x + base.x(), in.y + base.y(), in.z + base.z(), good);
+    for (int k = 0; k < kCorners && any(good); ++k) {
+      const auto dx = static_cast<float>(k >> 2), dy = static_cast<float>((k >> 1) & 1),
+                 dz = static_cast<float>(k & 1);
+      const Float4 has = cells.corner(k),
+                   value = this->at(as_float(in.x) + dx, as_float(in.y) + dy, as_float(in.z) + dz)
+                               .value,
+                   over = value - has,
+                   outside = from_print + (dx - in.fx) * rise[0] + (dy - in.fy) * rise[1] +
+                             (dz - in.fz) * rise[2];
+      const Int4 print = has + outside < kOtherVoid * voxel;
+      good &= ((over < kExplained * voxel) & (print | (over > -kOtherVoid * voxel))) |
+              ((has > kFarOff * voxel) & (value > kFarOff * voxel)) |
+              ((has < -voxel) & (value < -voxel));
+    }
+    return good;
+  }
+  // The same around the pieces, whose middles are these.
+  Int4 explain_around(const Place& middles, const Float4& from_print, Int4 good) const {
+    constexpr float kPlaces[kCellsInPiece][2] = {{0, 0},
+                                                 {kNearCorner, -kNearCorner},
+                                                 {-kNearCorner, kNearCorner},
+                                                 {kNearCorner, kNearCorner},
+                                                 {-kNearCorner, -kNearCorner}};
+    for (const auto& [x, y] : kPlaces) {
+      if (!any(good)) break;
+      const Displaced d = cut.displaced(all4(x), all4(y));
+      const Float4 outside = from_print + (cut.nx * d.x + cut.ny * d.y + cut.nz * d.z);
+      good = explain(beside(middles, d), outside, good);
+    }
+    return good;
+  }
 };
 
 // Chooses the sweeps that may be met here, but for that which leads here.
@@ -68,7 +126,11 @@ void ContactModel::know_sweeps(const Scan& scan) noexcept {
       if (sweep->way.norm() < kLeastWay || !sweep->may_meet(bur_, sampled_pose_, kNear) ||
           leads_here(scan, *sweep) || std::any_of(known_.begin(), end, holds_it))
         continue;
-      if (known_[known_count_].set(bur_, *sweep)) ++known_count_;
+      // One that was known before needn't be drawn anew.
+      const auto same = std::find_if(
+          end, known_.end(), [&](const KnownSweep& before) { return before.is_of(*sweep); });
+      if (same != known_.end()) std::swap(*same, *end);
+      if (end->set(bur_, *sweep)) ++known_count_;
     }
   }
   for (std::size_t k = 0; k < known_count_; ++k)
@@ -94,20 +156,13 @@ Float4 ContactModel::taken_by_sweeps(const Place& at) const noexcept {
 Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
                                    const Float4& from_print, const Int4& wanted,
                                    Lanes& s) const noexcept {
-  const IndexFrame& f = scan.frame;
   const float voxel = cut.voxel;
   const Float4 rim = cut.half_along + cut.half_around;
   // In the middle of the step to come, so that a wall that is met head-on counts neither early nor late.
   const Eigen::Vector3f back = s.ahead - 0.5f * static_cast<float>(step_) * s.unit;
-  const Place here{f, s.ix - back.x(), s.iy - back.y(), s.iz - back.z()};
-  const auto beside = [&](const Place& from, const Displaced& d) {
-    const float* a = f.a;
-    return Place{f, from.x + (a[0] * d.x + a[1] * d.y + a[2] * d.z),
-                 from.y + (a[3] * d.x + a[4] * d.y + a[5] * d.z),
-                 from.z + (a[6] * d.x + a[7] * d.y + a[8] * d.z)};
-  };
+  const Place here{scan.frame, s.ix - back.x(), s.iy - back.y(), s.iz - back.z()};
   Int4 good{};
-  NearSweeps near;
+  NearSweeps near(scan, cut);
   for (std::size_t k = 0; k < known_count_; ++k) {
     const Float4 value = known_[k].at(here.x, here.y, here.z).value,
                  farther = known_[k].at(far.x, far.y, far.z).value;
@@ -116,64 +171,28 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
       near.sweeps[near.count++] = &known_[k];
   }
   if (!any(good)) return good;
-  // The lattice's values in cells at places beside the pieces' middles, or farther ahead: `away` (mm) from the print.
-  Float4 rise[3];  // over a cell, along the pieces' normal, mm
-  for (int i = 0; i < 3; ++i)
-    rise[i] =
-        voxel * voxel * (f.a[3 * i] * cut.nx + f.a[3 * i + 1] * cut.ny + f.a[3 * i + 2] * cut.nz);
-  const auto explained = [&](const Place& at, const Float4& away, Int4 wanted_here) {
-    const FourPlaces in(at.x, at.y, at.z);
-    FourCells cells;
-    cells.read(scan.workpiece.cut(), in.x + f.base.x(), in.y + f.base.y(), in.z + f.base.z(),
-               wanted_here);
-    const Float4 x = as_float(in.x), y = as_float(in.y), z = as_float(in.z);
-    for (int k = 0; k < kCorners && any(wanted_here); ++k) {
-      const auto dx = static_cast<float>(k >> 2), dy = static_cast<float>((k >> 1) & 1),
-                 dz = static_cast<float>(k & 1);
-      const Float4 has = cells.corner(k), value = near.at(x + dx, y + dy, z + dz).value,
-                   over = value - has;
-      const Int4 print =
-          has + away + (dx - in.fx) * rise[0] + (dy - in.fy) * rise[1] + (dz - in.fz) * rise[2] <
-          kOtherVoid * voxel;
-      wanted_here &= ((over < kExplained * voxel) & (print | (over > -kOtherVoid * voxel))) |
-                     ((has > kFarOff * voxel) & (value > kFarOff * voxel)) |
-                     ((has < -voxel) & (value < -voxel));
-    }
-    return wanted_here;
-  };
-  good = explained({f, s.ix, s.iy, s.iz}, scan.reach * cut.per_speed * s.advance, good);
-  for (int cell = 0; cell < kCellsInPiece && any(good); ++cell) {
-    const Float4 x = all4(cell == 0  ? 0
-                          : cell & 1 ? kNearCorner
-                                     : -kNearCorner),
-                 y = all4(cell == 0  ? 0
-                          : cell & 2 ? kNearCorner
-                                     : -kNearCorner);
-    const Displaced d = cut.displaced(x, y);
-    good =
-        explained(beside(far, d), from_print + (cut.nx * d.x + cut.ny * d.y + cut.nz * d.z), good);
-  }
+  good = near.explain({scan.frame, s.ix, s.iy, s.iz}, scan.reach * cut.per_speed * s.advance, good);
+  good = near.explain_around(far, from_print, good);
   if (!any(good)) return good;
+  const Float4 stays = s.stays, holds = s.holds;
+  s.stays = s.holds = all4(kUnlimited);
   const PieceAxes& a = cut.axes;
   const auto border_of = [&](const Parts::Part& part) {
     const Float4 x = all4(part.x), y = all4(part.y), wide = 1 + a.widening * x,
                  turned = a.widening * y;
-    const Place at = beside(here, cut.displaced(x, y));
+    const Place at = near.beside(here, cut.displaced(x, y));
     const NearSweeps::Taken taken = near.at(at.x, at.y, at.z);
     // In B, per mm.
-    const FourSamples g = f.gradients({taken.value, taken.gx, taken.gy, taken.gz});
+    const FourSamples g = scan.frame.gradients({taken.value, taken.gx, taken.gy, taken.gz});
     const Float4 around = a.around(g);
     const Borders border{taken.value,
                          part.half_along * (a.along(g) + turned * around + 2 * x * a.bent_along(g)),
                          part.half_around * (wide * around + 2 * y * a.bent_around(g))};
-    const Float4 least_clear =
-        -(part.half_along * cut.half_along + part.half_around * cut.half_around);
-    good &= (taken.at_ends <= taken.value) | (taken.at_ends < least_clear);
+    const Float4 clear = -(part.half_along * cut.half_along + part.half_around * cut.half_around);
+    good &= (taken.at_ends <= taken.value) | (taken.at_ends < clear);
     s.note_crossing(good, border.value, border.along, border.around, cut.rise(g));
     return border;
   };
-  const Float4 stays = s.stays, holds = s.holds;
-  s.stays = s.holds = all4(kUnlimited);
   Parts parts(s, border_of);
   s.stays = good ? s.stays : stays, s.holds = good ? s.holds : holds;
   if (any(good)) parts.cover(cut, good, kThinSlot * voxel, s);

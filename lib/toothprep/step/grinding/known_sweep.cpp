@@ -2,10 +2,13 @@
 
 namespace toothprep {
 
+bool KnownSweep::is_of(const StraightSweep& other) const noexcept {
+  return other.way == sweep.way && other.from.position == sweep.from.position &&
+         other.from.orientation.coeffs() == sweep.from.orientation.coeffs();
+}
+
 bool KnownSweep::set(const Bur& bur, const StraightSweep& of) noexcept {
-  if (of.way == sweep.way && of.from.position == sweep.from.position &&
-      of.from.orientation.coeffs() == sweep.from.orientation.coeffs())
-    return length > 0;
+  if (is_of(of)) return length > 0;
   sweep = of;
   const double way = of.way.norm();
   length = 0;

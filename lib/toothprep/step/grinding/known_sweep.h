@@ -15,6 +15,7 @@ struct KnownSweep {
   float l[4], h[4],
       t[4];  // across the way and along it, mm: of places (voxels) from a base, and of the base
 
+  [[nodiscard]] bool is_of(const StraightSweep& other) const noexcept;
   // Whether there is an outline of it.
   bool set(const Bur& bur, const StraightSweep& of) noexcept;
   // Says from where places are counted.

@@ -10,7 +10,7 @@ namespace {
 // (SweptEdge); of an edge.
 constexpr double kLeastAcross = 0.1, kLeastLean = 3e-3, kEdge = 1e-3;
 // So many lines touch a half circle.
-constexpr int kLinesAround = 24, kLeastLines = 2, kHalvings = 30;
+constexpr int kLinesAround = 24, kLeastLines = 2, kHalvings = 12;
 
 // mm, by which lines of arcs and edges lie before those of faces: these bend on from where a face ends.
 constexpr double kBeforeFaces = 1e-6;
@@ -85,11 +85,12 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
     for (int i = 0; i <= n; ++i) {
       const double wanted = first + (last - first) * i / n;
       double below = from, above = to;
-      for (int halving = 0; halving < kHalvings; ++halving) {
+      for (int halving = 0; is_circle && halving < kHalvings; ++halving) {
         const double middle = 0.5 * (below + above);
         (place(middle) < wanted ? below : above) = middle;
       }
-      of(normal_of(Direction::by_half(i == 0 ? from : i == n ? to : 0.5 * (below + above))));
+      const double between = is_circle ? 0.5 * (below + above) : wanted;
+      of(normal_of(Direction::by_half(i == 0 ? from : i == n ? to : between)));
     }
     for (std::size_t i = begin; i < count_; ++i)
       lines_[i].has_before = i > begin, lines_[i].has_after = i + 1 < count_;
