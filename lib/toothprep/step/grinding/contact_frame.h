@@ -101,8 +101,8 @@ struct ContactModel::Scan {
   float known_way(const Eigen::Vector3f& from, const Eigen::Vector3f& along,
                   float way) const noexcept {
     constexpr int kHalvings = 3;
-    constexpr float kBeyond = 3;  // voxels
-    const float beyond = kBeyond * static_cast<float>(workpiece.voxel());
+    constexpr float kCutBeyond = 3;  // voxels
+    const float beyond = kCutBeyond * static_cast<float>(workpiece.voxel());
     for (int n = 0; n < kHalvings; ++n, way *= 0.5f) {
       const Eigen::Vector3f at = from + (way + beyond) * along;
       const std::int64_t brick = workpiece.cut().brick_index(frame.base.x() + cell_of(at.x()),
