@@ -98,10 +98,11 @@ void expect_small(const Spread& s, double mean = 0.27) {
   EXPECT_LT(s.worst, s.cases <= 48 ? 1 : 1.1);
 }
 
-// The same of layers that a session finds: of what earlier ones took the lattice alone tells. README.md in step/grinding
-// has which are beyond what is allowed.
-Passes found_layers(std::mt19937& numbers) {
-  Passes p = drawn_layers(numbers);
+// The same that a session finds: of what earlier ones took the lattice alone tells. README.md in step/grinding has which
+// layers are beyond what is allowed then.
+template <Passes (*kDraw)(std::mt19937&)>
+Passes found(std::mt19937& numbers) {
+  Passes p = kDraw(numbers);
   p.each_alone = true;
   return p;
 }
@@ -116,6 +117,13 @@ TEST(DrawnPasses, AreRightInTheMeanAtATenthOfAMillimetre) { expect_small(spread_
 TEST(DrawnPasses, AreRightInTheMeanAtHalfOfThat) { expect_small(spread_at(0.05)); }
 TEST(DrawnPasses, AreRightInTheMeanAtAQuarterOfThat) { expect_small(spread_at(0.025)); }
 
+TEST(DrawnPasses, AreRightBesideThoseOfAnotherSessionAtATenthOfAMillimetre) {
+  expect_small(spread_at(0.1, found<drawn>));
+}
+TEST(DrawnPasses, AreRightBesideThoseOfAnotherSessionAtHalfOfThat) {
+  expect_small(spread_at(0.05, found<drawn>));
+}
+
 TEST(DrawnLayers, AreRightAtATenthOfAMillimetre) {
   expect_small(spread_at(0.1, drawn_layers), 0.33);
 }
@@ -123,10 +131,10 @@ TEST(DrawnLayers, AreRightAtHalfOfThat) { expect_small(spread_at(0.05, drawn_lay
 TEST(DrawnLayers, AreRightAtAQuarterOfThat) { expect_small(spread_at(0.025, drawn_layers), 0.33); }
 
 TEST(DrawnLayers, AreNearlyRightOverThoseOfAnotherSessionAtATenthOfAMillimetre) {
-  expect_small_by_lattice(spread_at(0.1, found_layers));
+  expect_small_by_lattice(spread_at(0.1, found<drawn_layers>));
 }
 TEST(DrawnLayers, AreNearlyRightOverThoseOfAnotherSessionAtHalfOfThat) {
-  expect_small_by_lattice(spread_at(0.05, found_layers));
+  expect_small_by_lattice(spread_at(0.05, found<drawn_layers>));
 }
 
 }  // namespace
