@@ -13,8 +13,8 @@
 namespace toothprep::testing {
 namespace {
 
-// FNV-1a over the bits of forces, torques, poses and volumes of a session that turns, leans, stalls
-// and goes in parts.
+// FNV-1a over the bits of forces, torques, poses and volumes of sessions that turn, lean, stall and go in parts, and of
+// one that goes straight beside what it took before.
 std::uint64_t hash_of_a_session() {
   const Bur bur = make_bur("cone:D1.6xL4.0xT1.2xR0.3", "");
   const LayeredTooth tooth = block(0.1, 0.6, Vec3(4, 3, 4));
@@ -49,6 +49,19 @@ std::uint64_t hash_of_a_session() {
       include(row.torque), include(row.removed_volume[0]), include(row.removed_volume[1]);
     }
   }
+  Workpiece workpiece(tooth);
+  const Quat lean = Quat(0.8, -0.6, 0.1, 0.02).normalized();
+  HandleSample handle{0, Pose{Vec3(-2, -0.2, 0), lean}, kPedalButton};
+  Session session(bur, workpiece, preset_parameters("paper"), Drive::kDirect, handle);
+  for (int pass = 0; pass < 3; ++pass)
+    for (int i = 0; i <= 500; ++i) {
+      handle.time += 1e-3;
+      const double way = pass % 2 ? 500 - i : i;
+      handle.pose.position = Vec3(-2 + 8e-3 * way, -0.2 - 0.05 * pass, 0.2 * pass);
+      const StepRecord row = session.step(handle);
+      for (int a = 0; a < 3; ++a) include(row.grinding_force[a]);
+      include(row.torque);
+    }
   return hash;
 }
 
