@@ -28,7 +28,7 @@ Nearest nearest_of(const Bur& bur, const Vec3& place, const Vec3& way, double fr
     }
   };
   scan(from, to);
-  scan(nearest.at - 0.02, nearest.at + 0.02);
+  scan(nearest.at - 0.03, nearest.at + 0.03);
   return nearest;
 }
 
@@ -48,7 +48,7 @@ TEST(SweptOutline, TellsHowFarPlacesLieWithinWhatEveryBurTakes) {
       SweptOutline outline;
       ASSERT_TRUE(outline.draw(bur.profile(), along)) << spec;
       for (int i = 0; i < 200; ++i) {
-        const Vec3 at(draw(-0.8, 0.8), draw(-0.8, 0.8), draw(-0.2, 1));
+        const Vec3 at{draw(-0.8, 0.8), draw(-0.8, 0.8), draw(-0.2, 1)};
         const Nearest nearest = nearest_of(bur, at, along, -2.5, 2.5);
         if (std::abs(nearest.distance) > 0.2) continue;
         const SweptOutline::Axes& axes = outline.axes();
@@ -56,9 +56,10 @@ TEST(SweptOutline, TellsHowFarPlacesLieWithinWhatEveryBurTakes) {
         const SweptOutline::Sample s = outline.at(f(axes.beside.dot(at)), f(axes.up.dot(at)));
         EXPECT_NEAR(double{s.value[0]}, -nearest.distance, 4e-4)
             << spec << ", way " << along.transpose() << ", at " << at.transpose();
+        if (std::abs(nearest.distance) > 0.1) continue;
         const double here = axes.along.dot(at);
-        const double touching = nearest_of(bur, at, along, here - double{s.to[0]} - 0.02,
-                                           here - double{s.from[0]} + 0.02)
+        const double touching = nearest_of(bur, at, along, here - double{s.to[0]} - 0.03,
+                                           here - double{s.from[0]} + 0.03)
                                     .distance;
         EXPECT_NEAR(touching, nearest.distance, 4e-4)
             << spec << ", way " << along.transpose() << ", at " << at.transpose();
