@@ -12,27 +12,25 @@ constexpr float kExplained = 0.05f;
 // What is farther from a slot's surface than this (voxels) says nothing of where it is, and nothing crosses a piece
 // whose middle is this much farther than its rim.
 constexpr float kFarOff = 2.5f, kBeyondRim = 0.5f;
-// A value may be that of the bur's own print if it is no more than this (voxels) above it.
-constexpr float kAbovePrint = 0.1f;
 // Chips that thin (voxels) may be none: slots are known better than single walls.
 constexpr float kThinSlot = 0.005f;
 // Cells are looked at in a piece's middle and near its corners (of half its extents).
 constexpr float kNearCorner = 0.8f;
 constexpr int kCellsInPiece = 5, kCorners = 8;
 
-// Rows between these places along the profile, the narrowest at the bur's edge, where chips of floor are as thin as a
-// slot's ellipse; of so many parts around the axis.
+// Rows between these places along the profile, the narrowest at its ends: at the bur's edge chips of floor are as thin as a
+// slot's ellipse. Each of so many parts around the axis.
 struct ContactModel::Parts {
   static constexpr float kRows[] = {-1, -0.88f, -0.6f, 0, 0.6f, 0.88f, 1};
   static constexpr int kRowCount = 6, kAcross = 3, kCount = kRowCount * kAcross;
 
-  // Part number k of a piece that lies at an edge as Lanes has it: its middle, -1 .. 1, and half of its extents.
+  // Part number k of a piece: its middle, -1 .. 1, and half of its extents.
   struct Part {
     float x, y, half_along, half_around;
-    Part(int k, float edge) {
+    explicit Part(int k) {
       const int row = k / kAcross, column = k % kAcross;
       half_along = 0.5f * (kRows[row + 1] - kRows[row]), half_around = 1.0f / kAcross;
-      x = (edge > 0 ? -1.0f : 1.0f) * (kRows[row] + half_along);
+      x = kRows[row] + half_along;
       y = half_around * static_cast<float>(2 * column + 1 - kAcross);
     }
     float weight() const { return half_along * half_around; }
@@ -40,8 +38,8 @@ struct ContactModel::Parts {
 
   // `border_of`: of a part, as Borders.
   template <class BorderOf>
-  Parts(const Lanes& s, const BorderOf& border_of) {
-    for (int k = 0; k < kCount; ++k) borders[k] = border_of(Part(k, s.edge));
+  explicit Parts(const BorderOf& border_of) {
+    for (int k = 0; k < kCount; ++k) borders_[k] = border_of(Part(k));
   }
 
   // Covers the pieces `where`. What is thinner than `thin` (mm) may be none.
@@ -50,8 +48,8 @@ struct ContactModel::Parts {
     Borders border{};  // as straight as it is on the whole
     float xx = 0, yy = 0;
     for (int k = 0; k < kCount; ++k) {
-      const Part part(k, s.edge);
-      const Borders& of = borders[k];
+      const Part part(k);
+      const Borders& of = borders_[k];
       thick = greatest(thick, magnitude(of.along) + magnitude(of.around) - of.value);
       const float weight = part.weight();
       border.value += weight * of.value;
@@ -65,8 +63,8 @@ struct ContactModel::Parts {
     border.value += doubt;
     CoveredPart<Float4> sum{};
     for (int k = 0; k < kCount; ++k) {
-      const Part part(k, s.edge);
-      Borders of = borders[k];
+      const Part part(k);
+      Borders of = borders_[k];
       of.value += doubt;
       const CoveredPart<Float4> covered = of.part();
       const Float4 share = part.weight() * covered.share;
@@ -82,7 +80,7 @@ struct ContactModel::Parts {
   }
 
  private:
-  Borders borders[kCount];
+  Borders borders_[kCount];
 };
 
 }  // namespace toothprep

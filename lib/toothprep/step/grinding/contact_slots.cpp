@@ -16,10 +16,10 @@ namespace {
 
 // A slot that makes all of a piece void has nowhere more void than the lattice by this.
 constexpr float kLessVoid = 0.01f;
-// Nor is a value the print's if it is above it by more than this part of how far that is away: on the way back the bur's
-// own slot is little farther. All of a cell is print if its middle isn't so much above (voxels). With fewer values of a
-// cell than this it isn't known what slot is there.
-constexpr float kPartToPrint = 0.5f, kOtherThanPrint = 0.02f;
+// A value may be that of the bur's own print if it is no more than this (voxels) above it, nor than this part of how far
+// that is away: on the way back the bur's own slot is little farther. All of a cell is print if its middle isn't that
+// much above. With fewer values of a cell than this it isn't known what slot is there.
+constexpr float kAbovePrint = 0.1f, kPartToPrint = 0.5f, kOtherThanPrint = 0.02f;
 constexpr int kLeastValues = 4;
 constexpr float kLeastSteep = 0.2f;  // squared, of a slot's field
 constexpr int kSteps = 3;            // of least squares
@@ -316,7 +316,7 @@ void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two
                    part.half_around * along(wide * slots.around + 2 * y * slots.bent_around)};
   };
   const Int4 where = one | two;
-  Parts(s, border_of).cover(cut, where, kThinSlot * cut.voxel, s);
+  Parts(border_of).cover(cut, where, kThinSlot * cut.voxel, s);
   s.stays = where ? all4(kUnlimited) : s.stays, s.holds = where ? all4(kUnlimited) : s.holds;
 }
 

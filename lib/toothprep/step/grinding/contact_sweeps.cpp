@@ -193,7 +193,7 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
     s.note_crossing(good, border.value, border.along, border.around, cut.rise(g));
     return border;
   };
-  Parts parts(s, border_of);
+  Parts parts(border_of);
   s.stays = good ? s.stays : stays, s.holds = good ? s.holds : holds;
   if (any(good)) parts.cover(cut, good, kThinSlot * voxel, s);
   s.by_sweeps = good;
