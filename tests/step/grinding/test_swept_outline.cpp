@@ -58,11 +58,11 @@ TEST(SweptOutline, TellsHowFarPlacesLieWithinWhatEveryBurTakes) {
             << spec << ", way " << along.transpose() << ", at " << at.transpose();
         if (std::abs(nearest.distance) > 0.1) continue;
         const double here = axes.along.dot(at);
-        const double touching = nearest_of(bur, at, along, here - double{s.to[0]} - 0.03,
-                                           here - double{s.from[0]} + 0.03)
-                                    .distance;
-        EXPECT_NEAR(touching, nearest.distance, 4e-4)
-            << spec << ", way " << along.transpose() << ", at " << at.transpose();
+        for (const double touches : {double{s.from[0]}, double{s.to[0]}})
+          EXPECT_NEAR(
+              nearest_of(bur, at, along, here - touches - 0.002, here - touches + 0.002).distance,
+              nearest.distance, 4e-4)
+              << spec << ", way " << along.transpose() << ", at " << at.transpose();
       }
     }
   }

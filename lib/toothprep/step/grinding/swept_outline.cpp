@@ -12,6 +12,8 @@ constexpr double kLeastAcross = 0.1, kLeastLean = 3e-3, kEdge = 1e-3;
 // So many lines touch a half circle.
 constexpr int kLinesAround = 24, kLeastLines = 2, kHalvings = 12;
 
+constexpr float kNowhere = 1e3f;  // mm
+
 // mm, by which lines of arcs and edges lie before those of faces: these bend on from where a face ends.
 constexpr double kBeforeFaces = 1e-6;
 
@@ -33,23 +35,22 @@ struct SweptOutline::Direction {
   static Direction by_half(double t) { return of(1 - t * t, 2 * t); }
 };
 
-void SweptOutline::add(const Direction& n, double reach, double stretch, double from, double to,
-                       double moves, const ProfilePiece* face) noexcept {
+void SweptOutline::add(const Direction& n, double reach, double stretch, double touches,
+                       double moves) noexcept {
   if (count_ == kMostLines) return;
   const auto f = [](double x) { return static_cast<float>(x); };
   lines_[count_++] = {f(n.l / stretch),
                       f(n.h / stretch),
                       f(reach / stretch),
-                      f(from),
-                      f(to),
+                      f(touches),
                       f(moves),
                       false,
                       false,
-                      face};
+                      -1};
 }
 
 bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& along) noexcept {
-  count_ = 0;
+  count_ = face_count_ = 0;
   const double across = std::sqrt(along.x() * along.x() + along.y() * along.y()), lean = along.z();
   if (across < kLeastAcross) return false;
   const Vec3 feed(along.x() / across, along.y() / across, 0);
@@ -66,9 +67,47 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
   const auto direction_of = [&](double along_axis) {
     return Direction::rising(along_axis / across);
   };
-  // Where the bur touches at a point of its profile, along the motion; and how that moves with the point.
+  // Where the bur touches at a point of its profile: seen along the motion, and along it; and how that moves with the
+  // point.
+  struct Point {
+    double l, h, along;
+  };
   const auto touches = [&](const Normal& n, double r, double z) {
-    return lean * (z - (n.r > kEdge ? r * n.of.h * across / n.r : 0));
+    if (!(n.r > kEdge)) return Point{0, z * across, lean * z};
+    const double beside = r * n.of.l / n.r, ahead = -r * n.of.h * lean / n.r;
+    return Point{beside, z * across - lean * ahead, lean * z + across * ahead};
+  };
+  // The number of a face's line, if it has one.
+  const auto number_of = [&](const ProfilePiece* face) {
+    for (std::size_t i = 0; i < face_count_; ++i)
+      if (face && faces_[i].of == face) return static_cast<std::int32_t>(i);
+    return -1;
+  };
+  const auto add_face = [&](const Normal& n, const ProfilePiece& face, const ProfilePiece* next) {
+    if (face_count_ == kMostFaces) return;
+    const Point a = touches(n, face.r0, face.z0), b = touches(n, face.r1, face.z1);
+    const double dl = b.l - a.l, dh = b.h - a.h, square = dl * dl + dh * dh,
+                 slope = square > kEdge * kEdge ? (b.along - a.along) / square : 0;
+    const auto f = [](double x) { return static_cast<float>(x); };
+    Face& to = faces_[face_count_];
+    to = {&face,
+          f(slope * dl),
+          f(slope * dh),
+          f(std::min(a.along, b.along)),
+          f(std::max(a.along, b.along)),
+          0,
+          0};
+    // The end of the bur touches with all of it, but for what is nearer to the face around it.
+    if (std::abs(face.z1 - face.z0) < kEdge * (face.r1 - face.r0) && next) {
+      const ProfilePoint around = point_on(*next, 0);
+      to.radius = f(face.r1);
+      if (around.along_z > kEdge) to.narrows = f((1 - around.along_r) / around.along_z);
+    }
+    const ProfilePoint at = point_on(face, 0);
+    add(n.of, face.r0 * at.along_z - face.z0 * at.along_r, 1,
+        a.along - slope * (dl * a.l + dh * a.h), 0);
+    lines_[face_count_].face = static_cast<std::int32_t>(face_count_);
+    ++face_count_;
   };
   // Normals between two, evenly; of a circle, which is seen as an ellipse, evenly around that as well.
   const auto over = [&](const Direction& low, const Direction& high, bool is_circle,
@@ -94,20 +133,18 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
     }
     for (std::size_t i = begin; i < count_; ++i)
       lines_[i].has_before = i > begin, lines_[i].has_after = i + 1 < count_;
-    if (count_ > begin) lines_[begin].face = before, lines_[count_ - 1].face = after;
+    if (count_ > begin)
+      lines_[begin].face = number_of(before), lines_[count_ - 1].face = number_of(after);
   };
   // The faces. Where the lines of an edge or an arc end as a face goes on, the face tells where it touches.
-  for (const ProfilePiece& piece : outline) {
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const ProfilePiece& piece = outline[i];
     const ProfilePoint at = point_on(piece, 0);
     const double rises = -at.along_r / across;
     if (piece.kind == ProfilePiece::Kind::kArc) continue;
     if (!(std::abs(rises) <= 1 || std::abs(lean) <= kLeastLean)) continue;
-    const Normal n = normal_of(Direction::rising(rises));
-    const double a = touches(n, piece.r0, piece.z0), b = touches(n, piece.r1, piece.z1);
-    // The end of the bur touches with all of it.
-    const double wide = std::abs(at.along_z) < kEdge ? std::max(piece.r0, piece.r1) : 0;
-    add(n.of, piece.r0 * at.along_z - piece.z0 * at.along_r, 1, std::min(a, b) - wide,
-        std::max(a, b) + wide, 0, &piece);
+    add_face(normal_of(Direction::rising(rises)), piece,
+             i + 1 < outline.size() ? &outline[i + 1] : nullptr);
   }
   ProfilePoint before{0, 0, 1, 0};
   for (std::size_t i = 0; i < outline.size(); ++i) {
@@ -120,9 +157,8 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
                    out_z = (before.along_z - from.along_z) / turn;
       over(direction_of(-before.along_r), direction_of(-from.along_r), true, last, &piece,
            [&](const Normal& n) {
-             const double at = touches(n, from.r, from.z), out = out_r * n.r + out_z * n.a;
-             add(n.of, from.r * n.r + from.z * n.a - kBeforeFaces, out, at, at,
-                 -touches(n, out_r, out_z));
+             add(n.of, from.r * n.r + from.z * n.a - kBeforeFaces, out_r * n.r + out_z * n.a,
+                 touches(n, from.r, from.z).along, -touches(n, out_r, out_z).along);
            });
     }
     if (piece.kind == ProfilePiece::Kind::kArc) {
@@ -130,66 +166,87 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
                    radius = std::sqrt(to_r * to_r + to_z * to_z);
       const Direction low = direction_of(-from.along_r), high = direction_of(-to.along_r);
       const auto touch = [&](const Normal& n) {
-        const double r = piece.centre_r + radius * n.r, z = piece.centre_z + radius * n.a,
-                     at = touches(n, r, z);
-        add(n.of, r * n.r + z * n.a - kBeforeFaces, 1, at, at, 0);
+        const double r = piece.centre_r + radius * n.r, z = piece.centre_z + radius * n.a;
+        add(n.of, r * n.r + z * n.a - kBeforeFaces, 1, touches(n, r, z).along, 0);
       };
       over(low, high, piece.centre_r > 0 && std::abs(lean) > kLeastLean, last, next, touch);
     }
     before = to;
   }
-  return count_ < kMostLines;
+  lines_[count_] = {0, 0, kNowhere, 0, 0, false, false, -1};  // of a pair
+  return count_ < kMostLines && face_count_ < kMostFaces;
 }
 
 SweptOutline::Sample SweptOutline::at(const Float4& l, const Float4& h) const noexcept {
   const Float4 beside = magnitude(l);
-  Float4 least_one = all4(1e3f);
-  Int4 nearest{};
-  for (std::size_t i = 0; i < count_; ++i) {
-    const Float4 value = lines_[i].reach - lines_[i].l * beside - lines_[i].h * h;
-    const Int4 nearer = value < least_one;
-    least_one = nearer ? value : least_one;
-    nearest = nearer ? Int4{} + static_cast<std::int32_t>(i) : nearest;
-  }
-  Sample s{least_one, {}, {}, {}, {}};
-  for (int p = 0; p < 4; ++p)
-    bend(p, beside[p], h[p], &lines_[static_cast<std::size_t>(nearest[p])], s);
+  // By two halves, so that one needn't wait for the other.
+  Float4 least_one[2] = {all4(kNowhere), all4(kNowhere)};
+  Int4 nearest[2] = {};
+  for (std::size_t i = 0; i < count_; i += 2)
+    for (std::size_t k = 0; k < 2; ++k) {
+      const Line& line = lines_[i + k];
+      const Float4 value = line.reach - line.l * beside - line.h * h;
+      const Int4 nearer = value < least_one[k];
+      least_one[k] = least(value, least_one[k]);
+      nearest[k] = nearer ? Int4{} + static_cast<std::int32_t>(i + k) : nearest[k];
+    }
+  // The first one, if there are several.
+  const Int4 second =
+      (least_one[1] < least_one[0]) | ((least_one[1] == least_one[0]) & (nearest[1] < nearest[0]));
+  Sample s{least(least_one[1], least_one[0]), {}, {}, {}, {}};
+  bend(beside, h, second ? nearest[1] : nearest[0], s);
   s.by_l = turned_where_negative(l, s.by_l);
   return s;
 }
 
 // Between three lines of an arc the value at a place is a parabola, nearly.
-void SweptOutline::bend(int p, float beside, float h, const Line* nearest,
+void SweptOutline::bend(const Float4& beside, const Float4& h, const Int4& nearest,
                         Sample& s) const noexcept {
-  const Line* middle = nearest;
-  if (!nearest->has_before && nearest->has_after) ++middle;
-  if (!nearest->has_after && nearest->has_before) --middle;
-  Line there = *middle;
-  if (middle->has_before && middle->has_after) {
-    const Line &before = middle[-1], &after = middle[1];
-    const auto at = [&](const Line& of) { return of.reach - of.l * beside - of.h * h; };
-    const float a = at(before), here = at(*middle), b = at(after), rises = 0.5f * (b - a),
-                bends = a + b - 2 * here;
-    const float x =
-        bends > 0 ? std::clamp(-rises / bends, -1.0f, 1.0f) : static_cast<float>(nearest - middle);
-    const auto between = [&](float of_before, float of_middle, float of_after) {
-      return of_middle + x * (0.5f * (of_after - of_before) +
-                              0.5f * x * (of_after + of_before - 2 * of_middle));
-    };
-    s.value[p] = between(a, here, b);
-    there.l = between(before.l, middle->l, after.l),
-    there.h = between(before.h, middle->h, after.h);
-    there.from = between(before.from, middle->from, after.from);
-    there.to = between(before.to, middle->to, after.to);
-    there.moves = between(before.moves, middle->moves, after.moves);
-    const Line* end = x == -1 ? &before : x == 1 ? &after : nullptr;
-    if (end && end->face) {
-      const auto is_face = [&](const Line& of) { return of.face == end->face; };
-      there = *std::find_if(lines_.begin(), lines_.begin() + count_, is_face);
-    }
+  const Line* middle[4];
+  Float4 off{};  // of the nearest from the middle one of three
+  for (int p = 0; p < 4; ++p) {
+    const Line* const near = &lines_[static_cast<std::size_t>(nearest[p])];
+    middle[p] = near->has_before == near->has_after ? near : near->has_after ? near + 1 : near - 1;
+    off[p] = static_cast<float>(near - middle[p]);
   }
-  s.by_l[p] = -there.l, s.by_h[p] = -there.h;
-  s.from[p] = there.from + s.value[p] * there.moves, s.to[p] = there.to + s.value[p] * there.moves;
+  const bool bends_on = middle[0]->has_before || middle[1]->has_before || middle[2]->has_before ||
+                        middle[3]->has_before;
+  const auto of_each = [&](std::ptrdiff_t which, float Line::*field) {
+    const auto at = [&](int p) { return middle[p][middle[p]->has_before ? which : 0].*field; };
+    return Float4{at(0), at(1), at(2), at(3)};
+  };
+  struct Three {
+    Float4 before, middle, after;
+  };
+  const auto three = [&](float Line::*field) {
+    const Float4 here = of_each(0, field);
+    return bends_on ? Three{of_each(-1, field), here, of_each(1, field)} : Three{here, here, here};
+  };
+  const Three l = three(&Line::l), up = three(&Line::h), reach = three(&Line::reach);
+  const Float4 a = reach.before - l.before * beside - up.before * h,
+               here = reach.middle - l.middle * beside - up.middle * h,
+               b = reach.after - l.after * beside - up.after * h, rises = 0.5f * (b - a),
+               bends = a + b - 2 * here;
+  const Float4 x = bends > 0 ? within(-rises / bends, all4(1)) : off;
+  const auto between = [&](const Three& of) {
+    return of.middle +
+           x * (0.5f * (of.after - of.before) + 0.5f * x * (of.after + of.before - 2 * of.middle));
+  };
+  s.value = between({a, here, b});
+  s.by_l = -between(l), s.by_h = -between(up);
+  s.from = s.to = between(three(&Line::touches)) + s.value * between(three(&Line::moves));
+  for (int p = 0; p < 4; ++p) {
+    const Line& end = middle[p][!middle[p]->has_before ? 0 : x[p] == -1 ? -1 : x[p] == 1 ? 1 : 0];
+    if (end.face < 0) continue;
+    const Line& face = lines_[static_cast<std::size_t>(end.face)];
+    const Face& of = faces_[static_cast<std::size_t>(end.face)];
+    s.by_l[p] = -face.l, s.by_h[p] = -face.h;
+    const float touches = std::clamp(face.touches + of.by_l * beside[p] + of.by_h * h[p], of.low,
+                                     of.high),
+                radius = of.radius - s.value[p] * of.narrows,
+                wide = radius > beside[p] ? std::sqrt(radius * radius - beside[p] * beside[p]) : 0;
+    s.from[p] = touches - wide, s.to[p] = touches + wide;
+  }
 }
 
 }  // namespace toothprep

@@ -27,7 +27,7 @@ class SweptOutline {
   struct Sample {
     Float4 value;       // mm within it, negative outside
     Float4 by_l, by_h;  // its gradient
-    Float4 from, to;    // mm along the motion, from the tip: where the bur touches the nearest line
+    Float4 from, to;    // mm along the motion, from the tip: from where to where the bur touches it
   };
   // At places (mm, by the axes, from the tip's path).
   Sample at(const Float4& l, const Float4& h) const noexcept;
@@ -37,19 +37,28 @@ class SweptOutline {
   struct Line {
     float l, h, reach;  // the value is reach - l |at_l| - h at_h
     // Where the bur touches it, along its motion, mm; by so much more per value within it.
-    float from, to, moves;
+    float touches, moves;
     // Whether the lines before and behind it touch the same arc or edge: between them it bends evenly.
     bool has_before, has_after;
-    const ProfilePiece* face;  // that it touches, or that begins there, if any
+    std::int32_t face;  // that it touches, or that begins there; or -1
+  };
+  // The line of its number. At a place l, h that is nearest to it the bur touches so much further on per |l| and per h, not
+  // below `low` nor above `high`; if it is the end of the bur, as far around that as the disc of this radius is wide there,
+  // which narrows with the value.
+  struct Face {
+    const ProfilePiece* of;
+    float by_l, by_h, low, high, radius, narrows;
   };
   // `stretch`: of distances from an edge.
-  void add(const Direction& normal, double reach, double stretch, double from, double to,
-           double moves, const ProfilePiece* face = nullptr) noexcept;
-  // What the lines say together at one place of the nearest of them and its neighbours.
-  void bend(int lane, float beside, float h, const Line* nearest, Sample& s) const noexcept;
+  void add(const Direction& normal, double reach, double stretch, double touches,
+           double moves) noexcept;
+  // What the lines say together at places of the nearest of them and its neighbours.
+  void bend(const Float4& beside, const Float4& h, const Int4& nearest, Sample& s) const noexcept;
 
-  static constexpr std::size_t kMostLines = 96;
-  std::array<Line, kMostLines> lines_{};
+  static constexpr std::size_t kMostLines = 96, kMostFaces = 8;
+  std::array<Line, kMostLines + 1> lines_{};
+  std::array<Face, kMostFaces> faces_{};
+  std::size_t face_count_ = 0;
   std::size_t count_ = 0;
   Axes axes_;
 };
