@@ -68,7 +68,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   cells_.resize(n);
   near_.resize(n), far_.resize(n);
   fields_.resize(n), tissues_.resize(n);
-  settled_.assign(n, -1), moves_.assign(n, -1);
+  settled_.assign(n, -1), moves_.assign(n, -1), cut_moves_.assign(n, -1);
   been_.reserve(kMostBeen);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);
@@ -252,7 +252,8 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
   path_ += (pose.position - sampled_pose_.position).norm();
   sampled_pose_ = pose;
   if (!sampled_ || scan.turns != sampled_turning_)
-    for (auto* until : {&settled_, &moves_}) std::fill(until->begin(), until->end(), -1.0);
+    for (auto* until : {&settled_, &moves_, &cut_moves_})
+      std::fill(until->begin(), until->end(), -1.0);
   else if (scan.cuts != sampled_cuts_)
     doubt_what_was_found(!scan.sweeps.empty() && leads_here(scan, scan.sweeps.back()));
   sampled_direction_ = scan.direction;
@@ -276,7 +277,8 @@ void ContactModel::doubt_what_was_found(bool own) noexcept {
   const Standing* const known = standing_.data();
   for (std::size_t i = 0; i < n; ++i) {
     const double until = kDoubted * static_cast<double>(i) / static_cast<double>(n);
-    if (!own || !known[i].by_sweeps) settled_[i] = std::min(settled_[i], way_ + until);
+    if (!own || !known[i].by_sweeps)
+      for (auto* stands : {&settled_[i], &cut_moves_[i]}) *stands = std::min(*stands, way_ + until);
     moves_[i] = std::min(moves_[i], settled_[i]);
     if (found_[i] == Found::kInside) left_[i] = std::min(left_[i], static_cast<float>(until));
   }

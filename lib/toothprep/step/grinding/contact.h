@@ -108,9 +108,15 @@ class ContactModel {
     double holds = 0;                          // as of settled_, but for a whole sample
     Float4 rise{};                             // as of Lanes
     double path = 0;                           // where that was found, as path_
-    ContactSet::Sums sums;                     // of what is covered of them
-    int summed = -1;                           // so many of them; -1: not yet
-    int tissue = -1;                           // of all of them, or -1: as of_tissue has it
+    // The same of what the cut alone covers, beside which the tooth's surface or its tissues move on.
+    CoveredPart<Float4> by_cut{};
+    Crossing cut;
+    Int4 cut_by_sweeps{};
+    Float4 cut_rise{};
+    double cut_path = 0;
+    ContactSet::Sums sums;  // of what is covered of them
+    int summed = -1;        // so many of them; -1: not yet
+    int tissue = -1;        // of all of them, or -1: as of_tissue has it
     CoveredPart<Float4> of_tissue[kTissueCount] = {};
   };
   // One sample under way.
@@ -219,6 +225,9 @@ class ContactModel {
   void find_covered(const Scan& scan, int i, const Pieces& pieces, int first, bool simple,
                     Lanes& lanes) noexcept;
   void find_moved(int i, Lanes& lanes) noexcept;
+  void keep_cut(const Scan& scan, int i, const Lanes& lanes) noexcept;
+  void take_cut(int i, Lanes& lanes) const noexcept;
+  static void move_on(float way, Lanes& lanes) noexcept;
   double until(const Lanes& lanes, const Float4& way) const noexcept;
   void keep(int i, double farthest, const Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
@@ -269,7 +278,8 @@ class ContactModel {
   std::vector<float> slack_;
   // Until where on the way what was found to be covered of its pieces stands, mm.
   std::vector<double> settled_;
-  std::vector<double> moves_;  // and until where its borders move on as they did
+  std::vector<double> moves_;      // and until where its borders move on as they did
+  std::vector<double> cut_moves_;  // likewise, of what the cut alone covers
   double way_ = 0;
   // The cells of the cut that were read last: of each element's middle, and of its pieces at the
   // surface and farther ahead.

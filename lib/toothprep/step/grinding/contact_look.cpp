@@ -91,7 +91,7 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
       s.remains[p] = -1;
   for (int p = 0; p < count; ++p) {
     const std::int32_t i = elements[p];
-    settled_[i] = moves_[i] = -1;
+    settled_[i] = moves_[i] = cut_moves_[i] = -1;
     slack_[i] = kStands * (1 - 1 / kSlack) * s.extent[p];
     found_[i] = Found::kVoid;
     left_[i] = s.live[p] ? left[p] : kStands * workpiece.band();

@@ -108,7 +108,14 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   s.rise = Float4{};
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
-  if (found_[i] != Found::kInside) cover(scan, axes, pieces, first, far_[i], s);
+  if (found_[i] != Found::kInside) {
+    if (way_ < cut_moves_[i]) {
+      take_cut(i, s);
+    } else {
+      cover(scan, axes, pieces, first, far_[i], s);
+      if (!simple) keep_cut(scan, i, s);
+    }
+  }
   if (!simple) cover_tooth(scan, i, axes, s);
 
   Standing& standing = standing_[i];
@@ -149,11 +156,41 @@ void ContactModel::find_moved(int i, Lanes& s) noexcept {
   const Standing& standing = standing_[i];
   take_settled(standing, s);
   s.stays = s.holds = all4(kUnbounded);
-  const Int4 moves = standing.rise != 0;
-  s.cut.value += static_cast<float>(path_ - standing.path) * standing.rise;
-  s.cover(moves, s.cut.part());
-  s.note_crossing(moves, s.cut.value, s.cut.along, s.cut.around, standing.rise);
+  s.rise = standing.rise;
+  move_on(static_cast<float>(path_ - standing.path), s);
   keep(i, moves_[i], s);
+}
+
+// What the cut covers after so much more of the path (mm).
+void ContactModel::move_on(float path, Lanes& s) noexcept {
+  const Int4 moves = s.rise != 0;
+  s.cut.value += path * s.rise;
+  s.cover(moves, s.cut.part());
+  s.note_crossing(moves, s.cut.value, s.cut.along, s.cut.around, s.rise);
+}
+
+// Keeps what was found to be covered by the cut alone.
+void ContactModel::keep_cut(const Scan& scan, int i, const Lanes& s) noexcept {
+  Standing& standing = standing_[i];
+  standing.by_cut = {s.share, s.x, s.y};
+  standing.cut = s;
+  standing.cut_by_sweeps = s.by_sweeps;
+  standing.cut_rise = s.rise;
+  standing.cut_path = path_;
+  cut_moves_[i] =
+      std::min(way_ + kSettled * scan.workpiece.voxel(), until(s, s.rise != 0 ? s.holds : s.stays));
+}
+
+// The same, where its borders moved along since.
+void ContactModel::take_cut(int i, Lanes& s) const noexcept {
+  const Standing& standing = standing_[i];
+  s.share = standing.by_cut.share, s.x = standing.by_cut.x, s.y = standing.by_cut.y;
+  static_cast<Crossing&>(s) = standing.cut;
+  s.by_sweeps = standing.cut_by_sweeps;
+  s.rise = standing.cut_rise;
+  move_on(static_cast<float>(path_ - standing.cut_path), s);
+  const Float4 left = all4(static_cast<float>(cut_moves_[i] - way_));
+  s.stays = least(s.stays, left), s.holds = least(s.holds, left);
 }
 
 // The same as it was found before.
