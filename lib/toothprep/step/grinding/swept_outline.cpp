@@ -193,7 +193,7 @@ SweptOutline::Sample SweptOutline::at(const Float4& l, const Float4& h) const no
   // The first one, if there are several.
   const Int4 second =
       (least_one[1] < least_one[0]) | ((least_one[1] == least_one[0]) & (nearest[1] < nearest[0]));
-  Sample s{least(least_one[1], least_one[0]), {}, {}, {}, {}};
+  Sample s;
   bend(beside, h, second ? nearest[1] : nearest[0], s);
   s.by_l = turned_where_negative(l, s.by_l);
   return s;
