@@ -49,69 +49,35 @@ void SweptOutline::add(const Direction& n, double reach, double stretch, double 
                       -1};
 }
 
-bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& along) noexcept {
-  count_ = face_count_ = 0;
-  const double across = std::sqrt(along.x() * along.x() + along.y() * along.y()), lean = along.z();
-  if (across < kLeastAcross) return false;
-  const Vec3 feed(along.x() / across, along.y() / across, 0);
-  axes_ = {Vec3(feed.y(), -feed.x(), 0), Vec3(-lean * feed.x(), -lean * feed.y(), across), along};
+// How a bur's profile is seen along its motion, which goes so much square to its axis and along it.
+struct SweptOutline::View {
+  double across, lean;
+
   // A normal across the motion, and in the half plane of the profile.
   struct Normal {
     Direction of;
     double r, a;  // from the axis and along it
   };
-  const auto normal_of = [&](const Direction& n) {
-    return Normal{n, std::sqrt(n.l * n.l + n.h * n.h * lean * lean), n.h * across};
-  };
+  Normal normal_of(const Direction& n) const {
+    return {n, std::sqrt(n.l * n.l + n.h * n.h * lean * lean), n.h * across};
+  }
   // That of which so much is along the axis.
-  const auto direction_of = [&](double along_axis) {
-    return Direction::rising(along_axis / across);
-  };
+  Direction direction_of(double along_axis) const { return Direction::rising(along_axis / across); }
+
   // Where the bur touches at a point of its profile: seen along the motion, and along it; and how that moves with the
   // point.
   struct Point {
     double l, h, along;
   };
-  const auto touches = [&](const Normal& n, double r, double z) {
-    if (!(n.r > kEdge)) return Point{0, z * across, lean * z};
+  Point touches(const Normal& n, double r, double z) const {
+    if (!(n.r > kEdge)) return {0, z * across, lean * z};
     const double beside = r * n.of.l / n.r, ahead = -r * n.of.h * lean / n.r;
-    return Point{beside, z * across - lean * ahead, lean * z + across * ahead};
-  };
-  // The number of a face's line, if it has one.
-  const auto number_of = [&](const ProfilePiece* face) {
-    for (std::size_t i = 0; i < face_count_; ++i)
-      if (face && faces_[i].of == face) return static_cast<std::int32_t>(i);
-    return -1;
-  };
-  const auto add_face = [&](const Normal& n, const ProfilePiece& face, const ProfilePiece* next) {
-    if (face_count_ == kMostFaces) return;
-    const Point a = touches(n, face.r0, face.z0), b = touches(n, face.r1, face.z1);
-    const double dl = b.l - a.l, dh = b.h - a.h, square = dl * dl + dh * dh,
-                 slope = square > kEdge * kEdge ? (b.along - a.along) / square : 0;
-    const auto f = [](double x) { return static_cast<float>(x); };
-    Face& to = faces_[face_count_];
-    to = {&face,
-          f(slope * dl),
-          f(slope * dh),
-          f(std::min(a.along, b.along)),
-          f(std::max(a.along, b.along)),
-          0,
-          0};
-    // The end of the bur touches with all of it, but for what is nearer to the face around it.
-    if (std::abs(face.z1 - face.z0) < kEdge * (face.r1 - face.r0) && next) {
-      const ProfilePoint around = point_on(*next, 0);
-      to.radius = f(face.r1);
-      if (around.along_z > kEdge) to.narrows = f((1 - around.along_r) / around.along_z);
-    }
-    const ProfilePoint at = point_on(face, 0);
-    add(n.of, face.r0 * at.along_z - face.z0 * at.along_r, 1,
-        a.along - slope * (dl * a.l + dh * a.h), 0);
-    lines_[face_count_].face = static_cast<std::int32_t>(face_count_);
-    ++face_count_;
-  };
+    return {beside, z * across - lean * ahead, lean * z + across * ahead};
+  }
+
   // Normals between two, evenly; of a circle, which is seen as an ellipse, evenly around that as well.
-  const auto over = [&](const Direction& low, const Direction& high, bool is_circle,
-                        const ProfilePiece* before, const ProfilePiece* after, const auto& of) {
+  template <typename Of>
+  void between(const Direction& low, const Direction& high, bool is_circle, const Of& of) const {
     const auto place = [&](double t) {
       if (!is_circle) return t;
       const Direction n = Direction::by_half(t);
@@ -120,7 +86,6 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
     const double from = low.half(), to = high.half(), first = place(from), last = place(to);
     const int n =
         std::max(kLeastLines, static_cast<int>(std::ceil(kLinesAround * (last - first) / 2)));
-    const std::size_t begin = count_;
     for (int i = 0; i <= n; ++i) {
       const double wanted = first + (last - first) * i / n;
       double below = from, above = to;
@@ -128,50 +93,104 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
         const double middle = 0.5 * (below + above);
         (place(middle) < wanted ? below : above) = middle;
       }
-      const double between = is_circle ? 0.5 * (below + above) : wanted;
-      of(normal_of(Direction::by_half(i == 0 ? from : i == n ? to : between)));
+      const double t = is_circle ? 0.5 * (below + above) : wanted;
+      of(normal_of(Direction::by_half(i == 0 ? from : i == n ? to : t)));
     }
-    for (std::size_t i = begin; i < count_; ++i)
-      lines_[i].has_before = i > begin, lines_[i].has_after = i + 1 < count_;
-    if (count_ > begin)
-      lines_[begin].face = number_of(before), lines_[count_ - 1].face = number_of(after);
-  };
-  // The faces. Where the lines of an edge or an arc end as a face goes on, the face tells where it touches.
-  for (std::size_t i = 0; i < outline.size(); ++i) {
-    const ProfilePiece& piece = outline[i];
-    const ProfilePoint at = point_on(piece, 0);
-    const double rises = -at.along_r / across;
-    if (piece.kind == ProfilePiece::Kind::kArc) continue;
-    if (!(std::abs(rises) <= 1 || std::abs(lean) <= kLeastLean)) continue;
-    add_face(normal_of(Direction::rising(rises)), piece,
-             i + 1 < outline.size() ? &outline[i + 1] : nullptr);
   }
+};
+
+std::int32_t SweptOutline::line_of(const ProfilePiece* face) const noexcept {
+  for (std::size_t i = 0; i < face_count_; ++i)
+    if (face && faces_[i].of == face) return static_cast<std::int32_t>(i);
+  return -1;
+}
+
+void SweptOutline::add_face(const View& view, const ProfilePiece& face,
+                            const ProfilePiece* next) noexcept {
+  const ProfilePoint at = point_on(face, 0);
+  const double rises = -at.along_r / view.across;
+  if (face_count_ == kMostFaces) return;
+  if (!(std::abs(rises) <= 1 || std::abs(view.lean) <= kLeastLean)) return;
+  const View::Normal n = view.normal_of(Direction::rising(rises));
+  const View::Point a = view.touches(n, face.r0, face.z0), b = view.touches(n, face.r1, face.z1);
+  const double dl = b.l - a.l, dh = b.h - a.h, square = dl * dl + dh * dh,
+               slope = square > kEdge * kEdge ? (b.along - a.along) / square : 0;
+  const auto f = [](double x) { return static_cast<float>(x); };
+  Face& to = faces_[face_count_];
+  to = {&face,
+        f(slope * dl),
+        f(slope * dh),
+        f(std::min(a.along, b.along)),
+        f(std::max(a.along, b.along)),
+        0,
+        0};
+  // The end of the bur touches with all of it, but for what is nearer to the face around it.
+  if (std::abs(face.z1 - face.z0) < kEdge * (face.r1 - face.r0) && next) {
+    const ProfilePoint around = point_on(*next, 0);
+    to.radius = f(face.r1);
+    if (around.along_z > kEdge) to.narrows = f((1 - around.along_r) / around.along_z);
+  }
+  add(n.of, face.r0 * at.along_z - face.z0 * at.along_r, 1, a.along - slope * (dl * a.l + dh * a.h),
+      0);
+  lines_[face_count_].face = static_cast<std::int32_t>(face_count_);
+  ++face_count_;
+}
+
+void SweptOutline::add_edge(const View& view, const ProfilePoint& before, const ProfilePoint& from,
+                            const ProfilePiece* last, const ProfilePiece* next) noexcept {
+  const double turn = before.along_r * from.along_z - before.along_z * from.along_r;
+  if (!(turn > kEdge && std::abs(view.lean) > kLeastLean && from.r > 0)) return;
+  const double out_r = (before.along_r - from.along_r) / turn,
+               out_z = (before.along_z - from.along_z) / turn;
+  const std::size_t begin = count_;
+  view.between(view.direction_of(-before.along_r), view.direction_of(-from.along_r), true,
+               [&](const View::Normal& n) {
+                 add(n.of, from.r * n.r + from.z * n.a - kBeforeFaces, out_r * n.r + out_z * n.a,
+                     view.touches(n, from.r, from.z).along, -view.touches(n, out_r, out_z).along);
+               });
+  join(begin, last, next);
+}
+
+void SweptOutline::add_arc(const View& view, const ProfilePiece& arc, const ProfilePiece* last,
+                           const ProfilePiece* next) noexcept {
+  const double to_r = arc.r0 - arc.centre_r, to_z = arc.z0 - arc.centre_z,
+               radius = std::sqrt(to_r * to_r + to_z * to_z);
+  const std::size_t begin = count_;
+  view.between(view.direction_of(-point_on(arc, 0).along_r),
+               view.direction_of(-point_on(arc, 1).along_r),
+               arc.centre_r > 0 && std::abs(view.lean) > kLeastLean, [&](const View::Normal& n) {
+                 const double r = arc.centre_r + radius * n.r, z = arc.centre_z + radius * n.a;
+                 add(n.of, r * n.r + z * n.a - kBeforeFaces, 1, view.touches(n, r, z).along, 0);
+               });
+  join(begin, last, next);
+}
+
+void SweptOutline::join(std::size_t begin, const ProfilePiece* last,
+                        const ProfilePiece* next) noexcept {
+  for (std::size_t i = begin; i < count_; ++i)
+    lines_[i].has_before = i > begin, lines_[i].has_after = i + 1 < count_;
+  if (count_ > begin) lines_[begin].face = line_of(last), lines_[count_ - 1].face = line_of(next);
+}
+
+bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& along) noexcept {
+  count_ = face_count_ = 0;
+  const double across = std::sqrt(along.x() * along.x() + along.y() * along.y()), lean = along.z();
+  if (across < kLeastAcross) return false;
+  const Vec3 feed(along.x() / across, along.y() / across, 0);
+  axes_ = {Vec3(feed.y(), -feed.x(), 0), Vec3(-lean * feed.x(), -lean * feed.y(), across), along};
+  const View view{across, lean};
+  const auto next_of = [&](std::size_t i) {
+    return i + 1 < outline.size() ? &outline[i + 1] : nullptr;
+  };
+  // The faces first. Where the lines of an edge or an arc end as a face goes on, the face tells where it touches.
+  for (std::size_t i = 0; i < outline.size(); ++i)
+    if (outline[i].kind != ProfilePiece::Kind::kArc) add_face(view, outline[i], next_of(i));
   ProfilePoint before{0, 0, 1, 0};
   for (std::size_t i = 0; i < outline.size(); ++i) {
-    const ProfilePiece &piece = outline[i], *last = i > 0 ? &outline[i - 1] : nullptr,
-                       *next = i + 1 < outline.size() ? &outline[i + 1] : nullptr;
-    const ProfilePoint from = point_on(piece, 0), to = point_on(piece, 1);
-    const double turn = before.along_r * from.along_z - before.along_z * from.along_r;
-    if (turn > kEdge && std::abs(lean) > kLeastLean && from.r > 0) {
-      const double out_r = (before.along_r - from.along_r) / turn,
-                   out_z = (before.along_z - from.along_z) / turn;
-      over(direction_of(-before.along_r), direction_of(-from.along_r), true, last, &piece,
-           [&](const Normal& n) {
-             add(n.of, from.r * n.r + from.z * n.a - kBeforeFaces, out_r * n.r + out_z * n.a,
-                 touches(n, from.r, from.z).along, -touches(n, out_r, out_z).along);
-           });
-    }
-    if (piece.kind == ProfilePiece::Kind::kArc) {
-      const double to_r = piece.r0 - piece.centre_r, to_z = piece.z0 - piece.centre_z,
-                   radius = std::sqrt(to_r * to_r + to_z * to_z);
-      const Direction low = direction_of(-from.along_r), high = direction_of(-to.along_r);
-      const auto touch = [&](const Normal& n) {
-        const double r = piece.centre_r + radius * n.r, z = piece.centre_z + radius * n.a;
-        add(n.of, r * n.r + z * n.a - kBeforeFaces, 1, touches(n, r, z).along, 0);
-      };
-      over(low, high, piece.centre_r > 0 && std::abs(lean) > kLeastLean, last, next, touch);
-    }
-    before = to;
+    const ProfilePiece &piece = outline[i], *last = i > 0 ? &outline[i - 1] : nullptr;
+    add_edge(view, before, point_on(piece, 0), last, &piece);
+    if (piece.kind == ProfilePiece::Kind::kArc) add_arc(view, piece, last, next_of(i));
+    before = point_on(piece, 1);
   }
   lines_[count_] = {0, 0, kNowhere, 0, 0, false, false, -1};  // of a pair
   return count_ < kMostLines && face_count_ < kMostFaces;

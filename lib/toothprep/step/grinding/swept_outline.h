@@ -34,6 +34,7 @@ class SweptOutline {
 
  private:
   struct Direction;
+  struct View;
   struct Line {
     float l, h, reach;  // the value is reach - l |at_l| - h at_h
     // Where the bur touches it, along its motion, mm; by so much more per value within it.
@@ -52,6 +53,17 @@ class SweptOutline {
   // `stretch`: of distances from an edge.
   void add(const Direction& normal, double reach, double stretch, double touches,
            double moves) noexcept;
+  // A face's line; those of the sharp edge between two pieces of the profile, and of an arc. `last`, `next`: the pieces
+  // around these, or null.
+  void add_face(const View& view, const ProfilePiece& face, const ProfilePiece* next) noexcept;
+  void add_edge(const View& view, const ProfilePoint& before, const ProfilePoint& from,
+                const ProfilePiece* last, const ProfilePiece* next) noexcept;
+  void add_arc(const View& view, const ProfilePiece& arc, const ProfilePiece* last,
+               const ProfilePiece* next) noexcept;
+  // The lines from this number on, of one edge or arc, with each other and with the faces around them.
+  void join(std::size_t begin, const ProfilePiece* last, const ProfilePiece* next) noexcept;
+  // The number of a face's line, or -1.
+  std::int32_t line_of(const ProfilePiece* face) const noexcept;
   // What the lines say together at places of the nearest of them and its neighbours.
   void bend(const Float4& beside, const Float4& h, const Int4& nearest, Sample& s) const noexcept;
 
