@@ -55,35 +55,16 @@ TEST(StraightWay, LeadsToWhereItsBurGoesOn) {
   EXPECT_FALSE(leads({3, 2, 3}, {1, 0, 0}, Quat::Identity())) << "with another lean";
 }
 
-TEST(StraightWay, ContainsWhatLiesOnIt) {
-  const Bur bur = make_bur("ball:D1.2", "");
-  const StraightSweep sweep{Pose{Vec3(1, 2, 3), kTurned}, Vec3(2, 0, 0)};
-  const auto contains = [&](const Vec3& from, const Vec3& way, const Quat& q = kTurned) {
-    return sweep.contains(bur, StraightSweep{{from, q}, way}, 0.01);
+TEST(StraightWay, FollowsThatFromWhichItGoesOnWithHardlyABend) {
+  const StraightSweep before{Pose{Vec3(1, 2, 3), kTurned}, Vec3(0.2, 0, 0)};
+  const auto follows = [&](const Vec3& way, bool goes_on = true) {
+    return StraightSweep{Pose{Vec3(1.2, 2, 3), kTurned}, way, 0, goes_on}.follows(before);
   };
-  EXPECT_TRUE(contains({1, 2, 3}, {2, 0, 0}));
-  EXPECT_TRUE(contains({3, 2, 3}, {-2, 0, 0})) << "back";
-  EXPECT_TRUE(contains({1.5, 2.005, 3}, {1, 0, 0}));
-  EXPECT_FALSE(contains({1.5, 2, 3}, {2, 0, 0})) << "beyond its end";
-  EXPECT_FALSE(contains({0.9, 2, 3}, {1, 0, 0})) << "before its start";
-  EXPECT_FALSE(contains({1.5, 2, 3}, {0, 0.1, 0})) << "beside it";
-  EXPECT_FALSE(contains({1.5, 2, 3}, {1, 0, 0}, Quat::Identity())) << "with another lean";
-  // Of one that stands, itself.
-  const StraightSweep standing{Pose{Vec3(1, 2, 3), kTurned}};
-  EXPECT_TRUE(standing.contains(bur, standing, 0.01));
-  EXPECT_FALSE(standing.contains(bur, sweep, 0.01));
-}
-
-TEST(StraightWay, MayBeMetByAHeadThatIsNear) {
-  const Bur bur = make_bur("ball:D1.2", "");
-  const Quat upright = Quat::Identity();
-  const StraightSweep sweep{Pose{Vec3(0, 0, 0), upright}, Vec3(4, 0, 0)};
-  const double reach = 2 * std::hypot(0.5 * bur.head_length(), bur.max_radius());
-  for (const double x : {0.0, 2.0, 4.0}) {
-    EXPECT_TRUE(sweep.may_meet(bur, {Vec3(x, reach + 0.4, 0), upright}, 0.5)) << x;
-    EXPECT_FALSE(sweep.may_meet(bur, {Vec3(x, reach + 0.6, 0), upright}, 0.5)) << x;
-  }
-  EXPECT_FALSE(sweep.may_meet(bur, {Vec3(4 + reach + 0.6, 0, 0), upright}, 0.5));
+  EXPECT_TRUE(follows({0.1, 0, 0}));
+  EXPECT_TRUE(follows({0.1, 0.018, 0}));
+  EXPECT_FALSE(follows({0.1, 0.022, 0})) << "around a corner";
+  EXPECT_FALSE(follows({-0.1, 0, 0})) << "back";
+  EXPECT_FALSE(follows({0.1, 0, 0}, false)) << "from elsewhere";
 }
 
 // A cylinder fed along its own axis, and across it.

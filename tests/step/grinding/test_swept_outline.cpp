@@ -1,9 +1,11 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include "toothprep/step/bur/bur_library.h"
+#include "toothprep/step/grinding/known_sweep.h"
 #include "toothprep/step/grinding/swept_outline.h"
 
 namespace toothprep {
@@ -28,7 +30,7 @@ Nearest nearest_of(const Bur& bur, const Vec3& place, const Vec3& way, double fr
     }
   };
   scan(from, to);
-  scan(nearest.at - 0.03, nearest.at + 0.03);
+  scan(std::max(from, nearest.at - 0.03), std::min(to, nearest.at + 0.03));
   return nearest;
 }
 
@@ -60,7 +62,7 @@ TEST(SweptOutline, TellsHowFarPlacesLieWithinWhatEveryBurTakes) {
         const double here = axes.along.dot(at);
         for (const double touches : {double{s.from[0]}, double{s.to[0]}})
           EXPECT_NEAR(
-              nearest_of(bur, at, along, here - touches - 0.002, here - touches + 0.002).distance,
+              nearest_of(bur, at, along, here - touches - 0.03, here - touches + 0.03).distance,
               nearest.distance, 4e-4)
               << spec << ", way " << along.transpose() << ", at " << at.transpose();
       }
@@ -71,6 +73,50 @@ TEST(SweptOutline, TellsHowFarPlacesLieWithinWhatEveryBurTakes) {
 TEST(SweptOutline, ThereIsNoneAlongTheAxis) {
   SweptOutline outline;
   EXPECT_FALSE(outline.draw(make_bur("ball:D1.2", "").profile(), Vec3(0, 0, -1)));
+}
+
+// Square to the axis, hardly leaning, leaning; short and long; beside the way and around its ends. How much a bur that
+// hardly leans moves along its axis is left out beside its edges (KnownSweep).
+TEST(KnownSweep, TellsHowFarPlacesLieWithinWhatABurTookOnItsWay) {
+  std::mt19937 numbers(6);
+  const auto draw = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(numbers()) / 4294967296.0;
+  };
+  const Quat turned(Eigen::AngleAxisd(0.7, Vec3(1, 2, -1).normalized()));
+  const Lattice lattice{Vec3(-3, 1, 2), 0.1};
+  const Index3 base(7, -4, 12);
+  for (const char* spec : {"ball:D1.2", "cylinder:D1.2xL3.0", "taper:D1.4xL4.0xA4",
+                           "inverted-cone:D1.2xL1.6xA8", "cylinder:D1.2xL4.0xR0.3"}) {
+    const Bur bur = make_bur(spec, "");
+    const ConvexProfile standing(bur.profile());
+    for (const Vec3& way : {Vec3(0.05, 0, 0), Vec3(0.7, -0.6, 0), Vec3(0.08, 0.01, 0.004),
+                            Vec3(-0.06, 0, -0.0045), Vec3(0.1, 0.02, 0.04), Vec3(0.3, 0.4, -0.3)}) {
+      const StraightSweep sweep{Pose{Vec3(1, 2, 3), turned}, turned * way};
+      const double length = way.norm(), lean = std::abs(way.z()),
+                   allowed = 4e-4 + (lean < 0.05 * lattice.voxel ? lean : 0);
+      KnownSweep known;
+      ASSERT_TRUE(known.set(bur, standing, sweep, static_cast<float>(lattice.voxel)));
+      known.put(lattice, base);
+      const auto value_at = [&](const Vec3& at) {
+        const Vec3 voxels = (sweep.from.to_world(at) - lattice.to_world(base)) / lattice.voxel;
+        const auto f = [](double x) { return all4(static_cast<float>(x)); };
+        return known.at(f(voxels.x()), f(voxels.y()), f(voxels.z()));
+      };
+      for (int i = 0; i < 300; ++i) {
+        const Vec3 at{draw(-1, 1.4), draw(-1, 1), draw(-0.4, 1)};
+        const double distance = nearest_of(bur, at, way / length, 0, length).distance;
+        if (std::abs(distance) > 0.1) continue;
+        const KnownSweep::Sample s = value_at(at);
+        EXPECT_NEAR(double{s.value[0]}, -distance, allowed)
+            << spec << ", way " << way.transpose() << ", at " << at.transpose();
+        // And its gradient, which at edges is that of one side.
+        const Vec3 g = Vec3(s.gx[0], s.gy[0], s.gz[0]) / lattice.voxel;
+        const double ahead = 0.01 * g.norm() * g.norm(),
+                     by = double{value_at(at + 0.01 * (turned.conjugate() * g)).value[0]};
+        EXPECT_LT(by - double{s.value[0]}, ahead + allowed);
+      }
+    }
+  }
 }
 
 }  // namespace

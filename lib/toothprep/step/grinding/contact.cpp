@@ -36,8 +36,6 @@ struct Turn {
 // A sample stands while the direction turns by no more than this (rad): what begins to advance then
 // has next to no v·n.
 constexpr double kSteady = 2e-3;
-// A bur that is off a straight part of its way by less than this (voxels) moves along it again; or on, at its end.
-constexpr double kRetraced = 0.05;
 
 // How far the element's rim lies behind its tangent plane, mm.
 float sag_of(const SurfaceElements& e, std::size_t i) {
@@ -54,6 +52,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
       walls_(bur.profile()),
       bur_(bur),
       slot_(SweptSlot::of(bur.profile())),
+      body_(bur.profile()),
       look_ahead_(kLookAhead * kPiecesAcross * piece_size),
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {
@@ -70,6 +69,7 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
   fields_.resize(n), tissues_.resize(n);
   settled_.assign(n, -1), moves_.assign(n, -1), cut_moves_.assign(n, -1);
   been_.reserve(kMostBeen);
+  known_.resize(kKnown);
   for (std::size_t i = 0; i < n; ++i) add_element(i);
   note_edges(bur);
   first_node_.push_back(static_cast<std::int32_t>(nodes_.size()));
@@ -181,8 +181,7 @@ void ContactModel::add_piece(std::size_t i, double around, double along, int acr
 
 void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v,
                           const Vec3& omega, double reach, std::uint64_t cuts,
-                          std::span<const Pose> been,
-                          std::span<const StraightSweep> sweeps) noexcept {
+                          std::span<const Pose> been, const SweepHistory* history) noexcept {
   been_.clear();
   for (const Pose& p : been.first(std::min(been.size(), kMostBeen)))
     been_.push_back({(p.orientation.conjugate() * pose.orientation).toRotationMatrix(),
@@ -199,20 +198,17 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
             static_cast<float>(reach),
             omega.squaredNorm() > 0,
             cuts,
-            sweeps,
+            history,
             nullptr,
+            0,
             Vec3::Zero()};
   if (scan.speed > 0) scan.direction = scan.v.cast<double>() / scan.speed;
   const double way = way_since(scan, pose);
   if (holds(scan, way)) return;
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
-  for (const StraightSweep& sweep : sweeps) {
-    if (!scan.turns &&
-        sweep.leads_through(bur_, pose, pose.orientation * v, kRetraced * workpiece.voxel()))
-      scan.retraced = &sweep;
-  }
-  know_sweeps(scan);
+  scan.retraced = retraced_by(scan, pose.orientation * v);
+  ++sample_, drawn_ = 0;
   look_along_way(scan);
   std::optional<AlongWay> farther;
   if (!scan.turning.isZero())
@@ -241,7 +237,7 @@ bool ContactModel::holds(const Scan& scan, double way) const noexcept {
 }
 
 // Takes the way since the last sample off what was found there.
-void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcept {
+void ContactModel::begin(Scan& scan, const Pose& pose, double way) noexcept {
   if (!sampled_ || scan.turns != sampled_turning_) {
     std::fill(left_.begin(), left_.end(), -1.0f);
   } else {
@@ -251,22 +247,17 @@ void ContactModel::begin(const Scan& scan, const Pose& pose, double way) noexcep
   way_ += way;
   path_ += (pose.position - sampled_pose_.position).norm();
   sampled_pose_ = pose;
+  scan.leads_here = leads_here(scan);
   if (!sampled_ || scan.turns != sampled_turning_)
     for (auto* until : {&settled_, &moves_, &cut_moves_})
       std::fill(until->begin(), until->end(), -1.0);
   else if (scan.cuts != sampled_cuts_)
-    doubt_what_was_found(!scan.sweeps.empty() && leads_here(scan, scan.sweeps.back()));
+    doubt_what_was_found(scan.leads_here > 0);
   sampled_direction_ = scan.direction;
   sampled_speed_ = scan.speed;
   sampled_turning_ = scan.turns;
   sampled_cuts_ = scan.cuts;
   sampled_ = true;
-}
-
-// Whether a straight part of the bur's way is that on which it moves on.
-bool ContactModel::leads_here(const Scan& scan, const StraightSweep& sweep) const noexcept {
-  return sweep.leads_to(bur_, sampled_pose_, sampled_pose_.orientation * scan.direction,
-                        kRetraced * scan.workpiece.voxel());
 }
 
 // A cut was put in place: it makes void, and nothing else. It lies behind what is in contact, or hardly beside it, so
@@ -277,9 +268,9 @@ void ContactModel::doubt_what_was_found(bool own) noexcept {
   const Standing* const known = standing_.data();
   for (std::size_t i = 0; i < n; ++i) {
     const double until = kDoubted * static_cast<double>(i) / static_cast<double>(n);
-    if (!own || !known[i].by_sweeps)
-      for (auto* stands : {&settled_[i], &cut_moves_[i]}) *stands = std::min(*stands, way_ + until);
+    if (!own || !known[i].by_sweeps) settled_[i] = std::min(settled_[i], way_ + until);
     moves_[i] = std::min(moves_[i], settled_[i]);
+    if (!own || !known[i].by_sweeps) cut_moves_[i] = std::min(cut_moves_[i], way_ + until);
     if (found_[i] == Found::kInside) left_[i] = std::min(left_[i], static_cast<float>(until));
   }
 }

@@ -40,7 +40,7 @@
 #include "toothprep/step/grinding/covered_part.h"
 #include "toothprep/step/grinding/kept_cells.h"
 #include "toothprep/step/grinding/known_sweep.h"
-#include "toothprep/step/grinding/straight_sweep.h"
+#include "toothprep/step/grinding/sweep_history.h"
 #include "toothprep/step/grinding/swept_slot.h"
 #include "toothprep/step/grinding/wall_curvature.h"
 #include "toothprep/step/grinding/workpiece.h"
@@ -62,12 +62,12 @@ class ContactModel {
   // not zero unless omega turns it) and turns with omega (rad/s, B). `reach` in mm. Elements that
   // face away from the motion by more than a margin of 3° are left out; see covers(). `cuts`: any
   // number that changes when the cut does. What a bur at one of the first kMostBeen poses of
-  // `been` takes up is void, whether or not the lattice has it; so is what one of `sweeps` took where the bur moves along
-  // that again, and no ridge is left where one of them went.
+  // `been` takes up is void, whether or not the lattice has it; so is what a straight part of `history` took where the bur
+  // moves along that again, and no ridge is left where one of them went.
   // Allocates nothing.
   void sample(const Workpiece& workpiece, const Pose& pose, const Vec3& v, const Vec3& omega,
               double reach, std::uint64_t cuts = 0, std::span<const Pose> been = {},
-              std::span<const StraightSweep> sweeps = {}) noexcept;
+              const SweepHistory* history = nullptr) noexcept;
 
   // Whether every element that advances with v was considered by the last sample(), as far as the
   // velocity goes (omega is the handle's and doesn't change within a step).
@@ -103,17 +103,20 @@ class ContactModel {
     // Of each of its pieces what is covered, its middle, by which lines, and the same of each tissue; see settled_.
     std::array<float, kPieces> covered{}, x{}, y{};
     Crossing crossing;
-    std::array<double, kPieces> slots_from{};  // mm of way, from which on slots are looked for
-    bool by_sweeps = false;                    // what is divided is known by sweeps
-    double holds = 0;                          // as of settled_, but for a whole sample
-    Float4 rise{};                             // as of Lanes
-    double path = 0;                           // where that was found, as path_
-    // The same of what the cut alone covers, beside which the tooth's surface or its tissues move on.
-    CoveredPart<Float4> by_cut{};
+    std::array<double, kPieces> slots_from{};    // mm of way, from which on slots are looked for
+    double parts_from = 0, parts_here_from = 0;  // likewise, for known parts of the way
+    bool by_sweeps = false;                      // what is divided is known by sweeps
+    double holds = 0;                            // as of settled_, but for a whole sample
+    Float4 rise{};                               // as of Lanes
+    Int4 by_rates{};
+    CoveredPart<Float4> per_way{};
+    // The same of what the cut alone covers.
+    CoveredPart<Float4> by_cut{}, cut_per_way{};
     Crossing cut;
-    Int4 cut_by_sweeps{};
+    Int4 cut_by_sweeps{}, cut_by_rates{};
     Float4 cut_rise{};
     double cut_path = 0;
+    double path = 0;        // where that was found, as path_
     ContactSet::Sums sums;  // of what is covered of them
     int summed = -1;        // so many of them; -1: not yet
     int tissue = -1;        // of all of them, or -1: as of_tissue has it
@@ -152,11 +155,14 @@ class ContactModel {
 
   double way_since(const Scan& scan, const Pose& pose) const noexcept;
   bool holds(const Scan& scan, double way) const noexcept;
-  void begin(const Scan& scan, const Pose& pose, double way) noexcept;
-  bool leads_here(const Scan& scan, const StraightSweep& sweep) const noexcept;
+  void begin(Scan& scan, const Pose& pose, double way) noexcept;
   void doubt_what_was_found(bool own) noexcept;
   void look_along_way(Scan& scan) noexcept;
-  void know_sweeps(const Scan& scan) noexcept;
+  const StraightSweep* retraced_by(const Scan& scan, const Vec3& v) const noexcept;
+  SweepHistory::Number leads_here(const Scan& scan) const noexcept;
+  template <class Holds>
+  static const StraightSweep* latest_part(const Scan& scan, const Holds& holds) noexcept;
+  bool went_over(const Scan& scan, const Vec3& place) const noexcept;
   void advance(const Scan& scan) noexcept;
   int choose(const Scan& scan) noexcept;
   int add_advancing(const Scan& scan, int candidates) noexcept;
@@ -167,9 +173,9 @@ class ContactModel {
   Place corners(const Scan& scan, int lane, const Look& look) const noexcept;
   Float4 at_corners(const Scan& scan, const LevelSet& field, int lane,
                     const Look& look) const noexcept;
-  Float4 taken_from(const Scan& scan, int lane, const Look& look, const Place& at) const noexcept;
-  bool corner_in_tissue(const Scan& scan, int lane, const Look& look) const noexcept;
-  bool corner_in_void(const Scan& scan, int lane, const Look& look) const noexcept;
+  Float4 taken_from(const Scan& scan, int lane, const Look& look, const Place& at) noexcept;
+  bool corner_in_tissue(const Scan& scan, int lane, const Look& look) noexcept;
+  bool corner_in_void(const Scan& scan, int lane, const Look& look) noexcept;
   bool ends_differ(const Scan& scan, int lane, const Look& look) const noexcept;
   bool has_edge_of_tooth(const Scan& scan, int lane, const Look& look) const noexcept;
   void look_farther(const Scan& scan, Look& look) noexcept;
@@ -202,10 +208,10 @@ class ContactModel {
   Int4 cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
                       const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
   static void cover_by(const Slots& slots, const Int4& one, const Int4& two, Lanes& lanes) noexcept;
-  bool knows_sweeps(const Scan& scan) const noexcept;
-  Float4 taken_by_sweeps(const Place& at) const noexcept;
+  const KnownSweep* known(const Scan& scan, SweepHistory::Number number) const noexcept;
+  Float4 taken_by_sweeps(const Scan& scan, int element, const Place& at) noexcept;
   Int4 cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                       const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
+                       const Int4& wanted, Lanes& lanes) const noexcept;
   void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far, const Int4& wanted,
                      Lanes& lanes) const noexcept;
   static Int4 cover_corners(const Scan& scan, const CutOfPieces& cut, const Place& far,
@@ -227,7 +233,9 @@ class ContactModel {
   void find_moved(int i, Lanes& lanes) noexcept;
   void keep_cut(const Scan& scan, int i, const Lanes& lanes) noexcept;
   void take_cut(int i, Lanes& lanes) const noexcept;
-  static void move_on(float way, Lanes& lanes) noexcept;
+  static void move_on(float path, Lanes& lanes) noexcept;
+  static bool are_told_by(const Int4& lines, const Lanes& lanes) noexcept;
+  double farthest_of(const Scan& scan, const Lanes& lanes) const noexcept;
   double until(const Lanes& lanes, const Float4& way) const noexcept;
   void keep(int i, double farthest, const Lanes& lanes) noexcept;
   static void take_settled(const Standing& standing, Lanes& lanes) noexcept;
@@ -255,12 +263,17 @@ class ContactModel {
   std::optional<SweptSlot> slot_;  // of a flat end
   bool leaves_slots_ = false;      // as the bur moves now
   bool has_edges_ = false;
-  // Of straight parts of the bur's way that are near; as many are known.
-  static constexpr std::size_t kMostKnown = 12;
-  std::array<KnownSweep, kMostKnown> known_;
-  std::size_t known_count_ = 0;
-  std::uint64_t known_cuts_ = 0;  // chosen when these were the cuts, and there on the way, as path_
-  double known_at_ = -1e9;
+  ConvexProfile body_;  // of the bur as it stands
+  // Parts of the way, each in its number's place, as far as they were met.
+  struct Known {
+    SweepHistory::Number number = 0;
+    std::uint64_t placed = 0;
+    KnownSweep sweep;
+  };
+  static constexpr std::int32_t kKnown = 512;
+  mutable std::vector<Known> known_;
+  mutable int drawn_ = 0;     // in this sample
+  std::uint64_t sample_ = 0;  // number of it
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each

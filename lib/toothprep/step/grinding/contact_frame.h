@@ -77,10 +77,11 @@ struct ContactModel::Scan {
   float speed;               // mm/s, of v
   float reach;               // mm
   bool turns;
-  std::uint64_t cuts;  // number of the cut
-  std::span<const StraightSweep> sweeps;
-  const StraightSweep* retraced;  // one of them that the bur moves along again, or none
-  Vec3 direction;                 // of v, B
+  std::uint64_t cuts;               // number of the cut
+  const SweepHistory* history;      // or null
+  const StraightSweep* retraced;    // a part of it that the bur moves along again, or none
+  SweepHistory::Number leads_here;  // the part on which the bur moves on, or 0
+  Vec3 direction;                   // of v, B
   float straight = 0;  // mm: so far ahead walls may run along the way that goes on as it does
   Eigen::Vector3f turning =
       Eigen::Vector3f::Zero();  // rad/mm, B: by how much that way turns, as on an arc
@@ -88,6 +89,8 @@ struct ContactModel::Scan {
   const AlongWay* farther = nullptr;  // where elements look for walls of other cuts, if it turns
   Eigen::Vector3f unit = Eigen::Vector3f::Zero();  // the same, voxels per mm
 
+  // Whether straight parts of the way may tell what was cut.
+  bool knows_parts() const { return history && !turns; }
   Eigen::Vector3f unit_of(const Eigen::Vector3f& u, float of_speed) const {
     const float per_speed = of_speed > 0 ? 1 / of_speed : 0;
     return frame.turned(u.x() * per_speed, u.y() * per_speed, u.z() * per_speed);
@@ -220,6 +223,11 @@ struct ContactModel::AtBorder {
   }
 };
 
+// What was found of a piece stands until a share may have changed by this, and a whole sample in which it
+// counts until one may have changed by that. More where the piece hardly advances: by what that makes where v·n is this
+// part of the speed.
+constexpr float kStays = 0.01f, kHolds = 0.1f, kHardlyAdvances = 0.1f, kLeastAdvance = 0.01f;
+
 struct ContactModel::Lanes : Crossing {
   Eigen::Vector3f unit, ahead;  // of the motion, voxels per mm; of the samples, voxels
   float speed;                  // mm/s, of the element
@@ -233,13 +241,17 @@ struct ContactModel::Lanes : Crossing {
   Float4 fx, fy, fz;                        // its place in its cell
   KeptCells* cells;                         // these
   std::array<double, kPieces>* slots_from;  // as of Standing
-  Int4 live;                                // -1: may be in contact, 0: not
-  Float4 share, x, y;                       // as of CoveredPart
+  double* parts_from;  // mm of way, from which on parts of the way are looked for
+  Int4 live;           // -1: may be in contact, 0: not
+  Float4 share, x, y;  // as of CoveredPart
   Float4
       rise;  // of the cut's border along the motion, mm per mm; 0 where more than that border tells what is covered
   Float4 stays, holds;  // mm of way: until a share may have changed by kStays, and by kHolds
+  Float4 moves;         // until the cut's border doesn't move on as it does
   Int4 by_sweeps{};     // -1: the share is what known sweeps leave
-  int tissue;           // that all of them lie in, or -1: as of_tissue has it
+  Int4 by_rates{};      // -1: it changes by `per_way` (per mm of way), not with its border
+  CoveredPart<Float4> per_way{};
+  int tissue;  // that all of them lie in, or -1: as of_tissue has it
   CoveredPart<Float4> of_tissue[kTissueCount];
 
   // What lies on one side of a line as well, of what was found to be covered of piece p.
@@ -256,7 +268,7 @@ struct ContactModel::Lanes : Crossing {
     y = where ? part.y : y;
   }
   void note_crossing(const Int4& counts, const Float4& value, const Float4& range_along,
-                     const Float4& range_around, const Float4& along_way);
+                     const Float4& range_around, const Float4& along_way, float moves_for = kHolds);
 };
 
 // Four pieces: half of each along its axes, and how they bend away from these (B, mm).
@@ -318,18 +330,13 @@ inline Float4 straightened(const Float4& c, const Float4& a, const Float4& b, co
          f * turned_where_negative(a, turned_where_negative(b, uv));
 }
 
-// What was found of a piece stands until a share may have changed by this, and a whole sample in which it
-// counts until one may have changed by that. More where the piece hardly advances: by what that makes where v·n is this
-// part of the speed.
-constexpr float kStays = 0.01f, kHolds = 0.1f, kHardlyAdvances = 0.1f, kLeastAdvance = 0.01f;
-
 // A field at the pieces of `counts`, with its value, half ranges over them and change along the way: the
 // way that is left becomes no longer than until the share that it covers has changed. Where its zero
 // lies outside of a piece the share changes when it gets there.
 inline void ContactModel::Lanes::note_crossing(const Int4& counts, const Float4& value,
                                                const Float4& range_along,
-                                               const Float4& range_around,
-                                               const Float4& along_way) {
+                                               const Float4& range_around, const Float4& along_way,
+                                               float moves_for) {
   const Float4 a = magnitude(range_along), b = magnitude(range_around);
   const Float4 comes = turned_where_negative(value, -along_way);
   const Float4 little = least(greatest(advance, all4(kLeastAdvance * speed)),
@@ -339,9 +346,11 @@ inline void ContactModel::Lanes::note_crossing(const Int4& counts, const Float4&
                    2 * more * greatest(a, b) / greatest(magnitude(along_way), all4(kLeastExtent)),
                until = greatest((magnitude(value) - (a + b)) / greatest(comes, all4(kLeastExtent)),
                                 Float4{});
-  const Float4 stay = kStays * across + until, hold = kHolds * across + until;
+  const Float4 stay = kStays * across + until, hold = kHolds * across + until,
+               move = moves_for * across + until;
   stays = counts ? least(stays, stay) : stays;
   holds = counts ? least(holds, hold) : holds;
+  moves = counts ? least(moves, move) : moves;
 }
 
 }  // namespace toothprep

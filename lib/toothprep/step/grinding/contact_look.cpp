@@ -27,6 +27,8 @@ constexpr float kBesideEdge = 2, kAcrossProfile = 0.3f, kSteep = 0.4f, kAlongFlo
 constexpr float kCornerInVoid = 0.005f, kCornerInTissue = 0.02f;
 // Of what is known of sweeps: outside of these.
 constexpr float kCornerLeft = 0.005f;
+// The lattice is off by less than this (voxels) from what known sweeps tell.
+constexpr float kRoundedOff = 0.3f;
 // Another wall than in an element's middle is met at an end whose values differ by more than this (voxels).
 constexpr float kAnotherWall = 0.1f;
 // What is found stands for this many voxels at most.
@@ -89,8 +91,22 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
   for (int p = 0; p < count; ++p)
     if (s.live[p] && !s.remains[p] && (floor_at_edge(scan, p, s) || corner_in_tissue(scan, p, s)))
       s.remains[p] = -1;
+  // What known parts of the way tell of an element's pieces stands, if these are the same.
+  struct Earlier {
+    bool by_sweeps, inside_tooth, strips;
+    std::uint8_t only;
+    double settled, moves, cut_moves;
+  } earlier[kPieces];
   for (int p = 0; p < count; ++p) {
     const std::int32_t i = elements[p];
+    const Standing& was = standing_[i];
+    earlier[p] = {found_[i] == Found::kCrossed && was.by_sweeps,
+                  was.inside_tooth,
+                  was.strips,
+                  was.only,
+                  settled_[i],
+                  moves_[i],
+                  cut_moves_[i]};
     settled_[i] = moves_[i] = cut_moves_[i] = -1;
     slack_[i] = kStands * (1 - 1 / kSlack) * s.extent[p];
     found_[i] = Found::kVoid;
@@ -109,8 +125,16 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
   // there is none. Else the bur's own last cut may hide one, which it doesn't farther ahead.
   s.clear = -s.value - s.corner;
   look_farther(scan, s);
-  for (int p = 0; p < count; ++p)
-    if (s.remains[p]) note_found(scan, p, s);
+  for (int p = 0; p < count; ++p) {
+    if (!s.remains[p]) continue;
+    note_found(scan, p, s);
+    const std::int32_t i = elements[p];
+    const Standing& is = standing_[i];
+    const Earlier& was = earlier[p];
+    if (was.by_sweeps && found_[i] == Found::kCrossed && is.strips == was.strips &&
+        is.only == was.only && is.inside_tooth == was.inside_tooth)
+      settled_[i] = was.settled, moves_[i] = was.moves, cut_moves_[i] = was.cut_moves;
+  }
 }
 
 // Where the elements are, and the cut there.
@@ -268,24 +292,27 @@ Float4 ContactModel::at_corners(const Scan& scan, const LevelSet& field, int p,
 }
 
 // What known sweeps make of places of one of them, as taken_by_sweeps().
-Float4 ContactModel::taken_from(const Scan& scan, int p, const Look& s,
-                                const Place& at) const noexcept {
+Float4 ContactModel::taken_from(const Scan& scan, int p, const Look& s, const Place& at) noexcept {
   const Eigen::Vector3f& ahead = s.ahead[p];
-  return taken_by_sweeps({scan.frame, at.x - ahead.x(), at.y - ahead.y(), at.z - ahead.z()});
+  return taken_by_sweeps(scan, s.elements[p],
+                         {scan.frame, at.x - ahead.x(), at.y - ahead.y(), at.z - ahead.z()});
 }
 
 // Whether a corner of one of them lies in a cut that its middle doesn't tell of: there the bur's own print is nearer.
-bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) const noexcept {
+bool ContactModel::corner_in_void(const Scan& scan, int p, const Look& s) noexcept {
   const float least_value = kCornerInVoid * static_cast<float>(scan.workpiece.voxel());
-  return -s.value[p] < s.corner[p] &&
-         (any(at_corners(scan, scan.workpiece.cut(), p, s) > least_value) ||
-          (knows_sweeps(scan) && any(taken_from(scan, p, s, corners(scan, p, s)) > least_value)));
+  if (!(-s.value[p] < s.corner[p])) return false;
+  const Float4 values = at_corners(scan, scan.workpiece.cut(), p, s);
+  const float rounded = kRoundedOff * static_cast<float>(scan.workpiece.voxel());
+  return any(values > least_value) ||
+         (scan.knows_parts() && any(values > -rounded) &&
+          any(taken_from(scan, p, s, corners(scan, p, s)) > least_value));
 }
 
 // Whether a corner of one of them lies in tissue that its middle doesn't tell of: over an earlier slot's floor that is
 // nearer than the wall beside it. Of corners at the bur's own edges floor_at_edge() tells, or known sweeps which took the
 // middle.
-bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) const noexcept {
+bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) noexcept {
   const int i = s.elements[p];
   const SurfaceElements& e = elements_;
   const float voxel = static_cast<float>(scan.workpiece.voxel());
@@ -293,10 +320,12 @@ bool ContactModel::corner_in_tissue(const Scan& scan, int p, const Look& s) cons
         Eigen::Vector3f(e.nx[i], e.ny[i], e.nz[i]).dot(s.u[p]) > kAdvancesLittle))
     return false;
   const std::int32_t upper = edge_[i] > 0 ? 0 : -1, lower = edge_[i] < 0 ? 0 : -1;
-  const Int4 in_tissue = at_corners(scan, scan.workpiece.cut(), p, s) < -kCornerInTissue * voxel;
+  const Float4 values = at_corners(scan, scan.workpiece.cut(), p, s);
+  const Int4 in_tissue = values < -kCornerInTissue * voxel;
   if (any(Int4{upper, upper, lower, lower} & in_tissue)) return true;
   const Place middle{scan.frame, all4(s.at_x[p]), all4(s.at_y[p]), all4(s.at_z[p])};
-  return knows_sweeps(scan) && taken_from(scan, p, s, middle)[0] > 0 &&
+  return scan.knows_parts() && any(values < kRoundedOff * voxel) &&
+         taken_from(scan, p, s, middle)[0] > 0 &&
          any(taken_from(scan, p, s, corners(scan, p, s)) < -kCornerLeft * voxel);
 }
 

@@ -27,6 +27,9 @@ struct ContactModel::Parts {
   // Part number k of a piece: its middle, -1 .. 1, and half of its extents.
   struct Part {
     float x, y, half_along, half_around;
+    static Part whole() { return {0, 0, 1, 1}; }
+    Part(float at_x, float at_y, float along, float around)
+        : x(at_x), y(at_y), half_along(along), half_around(around) {}
     explicit Part(int k) {
       const int row = k / kAcross, column = k % kAcross;
       half_along = 0.5f * (kRows[row + 1] - kRows[row]), half_around = 1.0f / kAcross;
@@ -38,17 +41,19 @@ struct ContactModel::Parts {
 
   // `border_of`: of a part, as Borders.
   template <class BorderOf>
-  explicit Parts(const BorderOf& border_of) {
-    for (int k = 0; k < kCount; ++k) borders_[k] = border_of(Part(k));
+  explicit Parts(const BorderOf& border_of) : count_(kCount) {
+    for (int k = 0; k < kCount; ++k) borders_[k] = border_of(k, Part(k));
   }
+  // All of the piece as one part.
+  explicit Parts(const Borders& border) : borders_{border}, count_(1) {}
 
   // Covers the pieces `where`. What is thinner than `thin` (mm) may be none.
   void cover(const CutOfPieces& cut, const Int4& where, float thin, Lanes& s) {
     Float4 thick{};
     Borders border{};  // as straight as it is on the whole
     float xx = 0, yy = 0;
-    for (int k = 0; k < kCount; ++k) {
-      const Part part(k);
+    for (int k = 0; k < count_; ++k) {
+      const Part part = number(k);
       const Borders& of = borders_[k];
       thick = greatest(thick, magnitude(of.along) + magnitude(of.around) - of.value);
       const float weight = part.weight();
@@ -56,16 +61,30 @@ struct ContactModel::Parts {
       border.along += weight * part.x * of.value, xx += weight * part.x * part.x;
       border.around += weight * part.y * of.value, yy += weight * part.y * part.y;
     }
-    border.along *= 1 / xx, border.around *= 1 / yy;
+    if (count_ == 1) border = borders_[0];
+    if (count_ > 1) border.along *= 1 / xx, border.around *= 1 / yy;
     // A floor or a step that crosses a straight side goes on beside a piece that it hardly touches.
     const Int4 goes_on = cut.straight ? cut.crosses(border) & ~s.at_edge : Int4{};
     const Float4 doubt = goes_on ? Float4{} : doubt_of_thin(thick, thin);
     border.value += doubt;
+    s.by_slots |= where;
+    s.rise = where ? Float4{} : s.rise;
+    doubt_ = doubt;
+    s.cover(where, covered(0, nullptr));
+    s.cut.replace(where, border);
+  }
+
+  // Whether nothing was taken off for being thin.
+  Int4 are_sure() const { return doubt_ == 0; }
+
+  // What is covered `way` (mm) farther on, where each part's border rises by `rises` per mm.
+  CoveredPart<Float4> covered(float way, const Float4* rises) const {
     CoveredPart<Float4> sum{};
-    for (int k = 0; k < kCount; ++k) {
-      const Part part(k);
+    for (int k = 0; k < count_; ++k) {
+      const Part part = number(k);
       Borders of = borders_[k];
-      of.value += doubt;
+      of.value += doubt_;
+      if (rises) of.value += way * rises[k];
       const CoveredPart<Float4> covered = of.part();
       const Float4 share = part.weight() * covered.share;
       sum.share += share;
@@ -73,14 +92,14 @@ struct ContactModel::Parts {
       sum.y += share * (part.y + part.half_around * covered.y);
     }
     const Float4 per_share = 1 / greatest(sum.share, all4(kLeastShare));
-    s.by_slots |= where;
-    s.rise = where ? Float4{} : s.rise;
-    s.cover(where, {sum.share, per_share * sum.x, per_share * sum.y});
-    s.cut.replace(where, border);
+    return {sum.share, per_share * sum.x, per_share * sum.y};
   }
 
  private:
+  Part number(int k) const { return count_ == 1 ? Part::whole() : Part(k); }
   Borders borders_[kCount];
+  Float4 doubt_{};
+  int count_;
 };
 
 }  // namespace toothprep

@@ -103,11 +103,13 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
                                 bool simple, Lanes& s) noexcept {
   s.cells = &near_[i];
   s.slots_from = &standing_[i].slots_from;
-  s.by_sweeps = Int4{};
-  s.stays = s.holds = all4(kUnbounded);
+  s.parts_from = &standing_[i].parts_from;
+  s.by_sweeps = s.by_rates = Int4{};
+  s.stays = s.holds = s.moves = all4(kUnbounded);
   s.rise = Float4{};
   locate(scan, pieces, first, s);
   const PieceAxes axes(pieces, first, s.curvature_along);
+  Standing& standing = standing_[i];
   if (found_[i] != Found::kInside) {
     if (way_ < cut_moves_[i]) {
       take_cut(i, s);
@@ -118,19 +120,69 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   }
   if (!simple) cover_tooth(scan, i, axes, s);
 
-  Standing& standing = standing_[i];
   standing.tissue = s.tissue;
   if (s.tissue < 0) std::copy_n(s.of_tissue, kTissueCount, standing.of_tissue);
   standing.rise = s.rise;
-  const Int4 divided = (s.share > kLeastShare) & (s.share < 1);
-  const bool by_slots = any(s.by_slots) && !any(divided & ~s.by_slots);
-  standing.by_sweeps = any(s.by_sweeps) && !any(divided & ~s.by_sweeps);
-  const double farthest = way_ + (standing.by_sweeps ? kSettledBySweeps
-                                  : by_slots         ? kSettledBySlots
-                                                     : kSettled) *
-                                     scan.workpiece.voxel();
-  moves_[i] = simple ? std::min(farthest, until(s, s.rise != 0 ? s.holds : s.stays)) : -1;
+  standing.by_rates = s.by_rates, standing.per_way = s.per_way;
+  standing.by_sweeps = are_told_by(s.by_sweeps, s);
+  const double farthest = farthest_of(scan, s);
+  moves_[i] = simple ? std::min(farthest, until(s, s.rise != 0 ? s.moves : s.stays)) : -1;
   keep(i, farthest, s);
+}
+
+// Whether of all pieces that are covered in part these lines tell.
+bool ContactModel::are_told_by(const Int4& lines, const Lanes& s) noexcept {
+  const Int4 divided = (s.share > kLeastShare) & (s.share < 1);
+  return any(lines) && !any(divided & ~lines);
+}
+
+// Until where on the way what was found stands at most.
+double ContactModel::farthest_of(const Scan& scan, const Lanes& s) const noexcept {
+  return way_ + scan.workpiece.voxel() * (are_told_by(s.by_sweeps, s)  ? kSettledBySweeps
+                                          : are_told_by(s.by_slots, s) ? kSettledBySlots
+                                                                       : kSettled);
+}
+
+// Keeps what was found of the cut alone, beside which the tooth's own surface or tissues may move on.
+void ContactModel::keep_cut(const Scan& scan, int i, const Lanes& s) noexcept {
+  Standing& standing = standing_[i];
+  standing.by_cut = {s.share, s.x, s.y};
+  standing.cut = s;
+  standing.cut_by_sweeps = s.by_sweeps;
+  standing.cut_by_rates = s.by_rates, standing.cut_per_way = s.per_way;
+  standing.cut_rise = s.rise;
+  standing.cut_path = path_;
+  cut_moves_[i] = std::min(farthest_of(scan, s), until(s, s.rise != 0 ? s.moves : s.stays));
+}
+
+// The same again, moved on.
+void ContactModel::take_cut(int i, Lanes& s) const noexcept {
+  const Standing& standing = standing_[i];
+  s.share = standing.by_cut.share, s.x = standing.by_cut.x, s.y = standing.by_cut.y;
+  static_cast<Crossing&>(s) = standing.cut;
+  s.by_sweeps = standing.cut_by_sweeps;
+  s.by_rates = standing.cut_by_rates, s.per_way = standing.cut_per_way;
+  s.rise = standing.cut_rise;
+  move_on(static_cast<float>(path_ - standing.cut_path), s);
+  const Float4 left = all4(static_cast<float>(cut_moves_[i] - way_));
+  s.stays = least(s.stays, left), s.holds = least(s.holds, left), s.moves = least(s.moves, left);
+}
+
+// What the cut covers after so much more of the path (mm).
+void ContactModel::move_on(float path, Lanes& s) noexcept {
+  s.cut.value += path * s.rise;
+  CoveredPart<Float4> part = s.cut.part();
+  if (any(s.by_rates)) {
+    const auto moved = [&](const Float4& now, const Float4& rate, const Float4& by_border) {
+      return s.by_rates ? now + path * rate : by_border;
+    };
+    part = {greatest(least(moved(s.share, s.per_way.share, part.share), all4(1)), Float4{}),
+            within(moved(s.x, s.per_way.x, part.x), all4(1)),
+            within(moved(s.y, s.per_way.y, part.y), all4(1))};
+  }
+  const Int4 moves = s.rise != 0;
+  s.cover(moves, part);
+  s.note_crossing(moves, s.cut.value, s.cut.along, s.cut.around, s.rise);
 }
 
 // Until where a way of the pieces leads. What doesn't advance counts only once the motion turns, which is way as well.
@@ -155,42 +207,10 @@ void ContactModel::keep(int i, double farthest, const Lanes& s) noexcept {
 void ContactModel::find_moved(int i, Lanes& s) noexcept {
   const Standing& standing = standing_[i];
   take_settled(standing, s);
-  s.stays = s.holds = all4(kUnbounded);
-  s.rise = standing.rise;
+  s.stays = s.holds = s.moves = all4(kUnbounded);
+  s.rise = standing.rise, s.by_rates = standing.by_rates, s.per_way = standing.per_way;
   move_on(static_cast<float>(path_ - standing.path), s);
   keep(i, moves_[i], s);
-}
-
-// What the cut covers after so much more of the path (mm).
-void ContactModel::move_on(float path, Lanes& s) noexcept {
-  const Int4 moves = s.rise != 0;
-  s.cut.value += path * s.rise;
-  s.cover(moves, s.cut.part());
-  s.note_crossing(moves, s.cut.value, s.cut.along, s.cut.around, s.rise);
-}
-
-// Keeps what was found to be covered by the cut alone.
-void ContactModel::keep_cut(const Scan& scan, int i, const Lanes& s) noexcept {
-  Standing& standing = standing_[i];
-  standing.by_cut = {s.share, s.x, s.y};
-  standing.cut = s;
-  standing.cut_by_sweeps = s.by_sweeps;
-  standing.cut_rise = s.rise;
-  standing.cut_path = path_;
-  cut_moves_[i] =
-      std::min(way_ + kSettled * scan.workpiece.voxel(), until(s, s.rise != 0 ? s.holds : s.stays));
-}
-
-// The same, where its borders moved along since.
-void ContactModel::take_cut(int i, Lanes& s) const noexcept {
-  const Standing& standing = standing_[i];
-  s.share = standing.by_cut.share, s.x = standing.by_cut.x, s.y = standing.by_cut.y;
-  static_cast<Crossing&>(s) = standing.cut;
-  s.by_sweeps = standing.cut_by_sweeps;
-  s.rise = standing.cut_rise;
-  move_on(static_cast<float>(path_ - standing.cut_path), s);
-  const Float4 left = all4(static_cast<float>(cut_moves_[i] - way_));
-  s.stays = least(s.stays, left), s.holds = least(s.holds, left);
 }
 
 // The same as it was found before.

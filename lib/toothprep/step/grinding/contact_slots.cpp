@@ -302,7 +302,7 @@ struct ContactModel::Slots {
 void ContactModel::cover_by(const Slots& slots, const Int4& one, const Int4& two,
                             Lanes& s) noexcept {
   const CutOfPieces& cut = slots.cut;
-  const auto border_of = [&](const Parts::Part& part) {
+  const auto border_of = [&](int, const Parts::Part& part) {
     const Float4 x = all4(part.x), y = all4(part.y), wide = 1 + cut.axes.widening * x;
     const SweptSlot::Place at = slots.place(x, y);
     SweptSlot::Sample g = slots.sample(1, at);

@@ -1,8 +1,8 @@
-// Straight parts of the bur's way: what it took there is known exactly. Where they make all of the lattice's values around
-// four pieces, so is what is covered of these, however thin.
+// Straight parts of the bur's way: what it took there is known exactly, and by which of them each point of the lattice was
+// cut. Where these are known around four pieces, so is what is covered of them, however thin.
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <utility>
 
 #include "toothprep/step/grinding/contact.h"
 #include "toothprep/step/grinding/contact_cut.h"
@@ -12,190 +12,388 @@
 namespace toothprep {
 namespace {
 
-// More void than they make by this (voxels) was made by something else.
-constexpr float kOtherVoid = 0.01f;
-// So far (voxels) beyond a piece's rim a sweep doesn't matter: of cells there, what is a voxel deep in tissue says
-// nothing.
-constexpr float kMatters = 2.8f;
-// They are chosen anew after so much of the way (mm), of those that come as near as that and this.
-constexpr double kChosenFor = 0.25, kNear = 1;
-// Shorter ones (mm) aren't worth it.
-constexpr double kLeastWay = 1;
-// What lies on another's way, to so many voxels, adds nothing.
-constexpr double kSame = 0.01;
+// Points that lie deeper than this (voxels) in tissue say nothing of where the cut's surface is nearby.
+constexpr float kDeepInTissue = 1.8f;
+// Looked at ahead of a piece, voxels.
+constexpr float kAheadOfPiece = 1.5f;
+// So many outlines are drawn in a step: one takes up to 10 us.
+constexpr int kMostDrawn = 4;
+// Of the way, so many parts are looked through, the latest ones.
+constexpr SweepHistory::Number kLatest = 32;
+
+// A bur that is off a straight part of its way by less than this (voxels) moves along it again; or on, at its end.
+constexpr double kRetraced = 0.05;
+// Or where the bur went over it deeper than this (voxels).
+constexpr double kInsideSweep = 0.002;
+
+// So far ahead (voxels) it is looked at how a share changes on the way.
+constexpr float kOnWay = 0.1f;
+// Over a piece a border is straight if it is off by less than this (voxels) at its corners.
+constexpr float kStraightBorder = 0.01f;
+// How one part's depth may rise above another's, over the way; by less than this (voxels) doesn't count. By how much more
+// than the way a place is along a part.
+constexpr float kMayRise = -2, kSameDepth = 0.005f, kMayBend = 1.5f;
+constexpr float kToCorner = 0.75f;  // of both halves of a piece together
+constexpr float kNothing = -1e3f;
+// One pass skips no more than so many numbers: short parts that no point of the lattice has.
+constexpr SweepHistory::Number kNext = 3;
+// Parts that are longer than this (mm) are known even where there is but one pass.
+constexpr double kLong = 1;
+// Where parts don't tell they aren't looked for again for so much of the way (voxels): ahead of pieces, at one place.
+constexpr double kNoPartsAhead = 1, kNoPartsHere = 0.5;
+// A border moves on for so much of the way (voxels), or until a share has changed by so much.
+constexpr float kStraightMoves = 0.2f, kBentMoves = 0.5f;
+// Of a piece: less is covered, or left, of those that a border only begins to cross, or is about to leave.
+constexpr float kUndivided = 0.05f;
 
 }  // namespace
 
-// Of the known sweeps those that matter at four pieces.
-struct ContactModel::NearSweeps {
-  const Scan& scan;
-  const CutOfPieces& cut;
-  Float4 rise[3];  // over a cell, along the pieces' normal, mm
-  const KnownSweep* sweeps[kMostKnown];
-  int count = 0;
+// The latest part of the way for which `holds` does; null if there is none.
+template <class Holds>
+const StraightSweep* ContactModel::latest_part(const Scan& scan, const Holds& holds) noexcept {
+  if (!scan.history) return nullptr;
+  const SweepHistory::Number latest = scan.history->latest();
+  for (SweepHistory::Number n = latest; n > latest - kLatest; --n) {
+    const StraightSweep* const part = scan.history->find(n);
+    if (!part) break;
+    if (holds(*part)) return part;
+  }
+  return nullptr;
+}
 
-  NearSweeps(const Scan& in, const CutOfPieces& of) : scan(in), cut(of) {
-    const float *a = scan.frame.a, square = cut.voxel * cut.voxel;
-    for (int i = 0; i < 3; ++i)
-      rise[i] = square * (a[3 * i] * cut.nx + a[3 * i + 1] * cut.ny + a[3 * i + 2] * cut.nz);
+// The part that the bur moves along again with v (W, mm/s).
+const StraightSweep* ContactModel::retraced_by(const Scan& scan, const Vec3& v) const noexcept {
+  if (scan.turns) return nullptr;
+  const double aside = kRetraced * scan.workpiece.voxel();
+  return latest_part(scan, [&](const StraightSweep& part) {
+    return part.leads_through(bur_, sampled_pose_, v, aside);
+  });
+}
+
+// Whether the bur went straight over a place (W), by the parts that cut deepest around it.
+bool ContactModel::went_over(const Scan& scan, const Vec3& place) const noexcept {
+  if (!scan.history) return false;
+  const double inside = kInsideSweep * scan.workpiece.voxel();
+  const Vec3 in = scan.workpiece.lattice().to_index(place);
+  float by[8];
+  cell_corners(scan.history->deepest(), static_cast<int>(std::floor(in.x())),
+               static_cast<int>(std::floor(in.y())), static_cast<int>(std::floor(in.z())), by);
+  std::sort(by, by + 8);
+  float last = 0;
+  for (const float number : by) {
+    if (number == last) continue;
+    last = number;
+    const StraightSweep* const part = scan.history->find(static_cast<SweepHistory::Number>(number));
+    if (part && part->was_over(bur_, place, inside)) return true;
+  }
+  return false;
+}
+
+// The part on which the bur moves on.
+SweepHistory::Number ContactModel::leads_here(const Scan& scan) const noexcept {
+  const SweepHistory::Number latest = scan.history ? scan.history->latest() : 0;
+  if (latest == 0) return 0;
+  const Vec3 direction = sampled_pose_.orientation * scan.direction;
+  return scan.history->find(latest)->leads_to(bur_, sampled_pose_, direction,
+                                              kRetraced * scan.workpiece.voxel())
+             ? latest
+             : 0;
+}
+
+// What the bur took in a part of its way, as places of this sample have it; null if that isn't known.
+const KnownSweep* ContactModel::known(const Scan& scan,
+                                      SweepHistory::Number number) const noexcept {
+  const StraightSweep* const part = scan.history->find(number);
+  if (!part) return nullptr;
+  Known& there = known_[static_cast<std::size_t>(number % kKnown)];
+  if (there.number != number || !there.sweep.is_of(*part)) {
+    if (drawn_ == kMostDrawn) return nullptr;
+    there.number = number, there.placed = 0;
+    there.sweep.set(bur_, body_, *part, static_cast<float>(scan.workpiece.voxel()));
+    drawn_ += there.sweep.is_drawn();
+  }
+  if (!there.sweep.is_known()) return nullptr;
+  if (there.placed != sample_) {
+    there.placed = sample_;
+    there.sweep.put(scan.workpiece.lattice(), scan.frame.base);
+  }
+  return &there.sweep;
+}
+
+// The parts that cut the lattice's points around some places: met, found to tell, and drawn.
+struct ContactModel::NearSweeps {
+  static constexpr int kMost = 12;
+  const ContactModel& model;
+  const Scan& scan;
+  int count = 0;
+  SweepHistory::Number numbers[kMost];
+  const KnownSweep* sweeps[kMost];  // once they are drawn
+  Int4 known;                       // of lanes: whether the numbers of all that cut there are
+
+  NearSweeps(const ContactModel& of, const Scan& in, const Int4& wanted)
+      : model(of), scan(in), known(wanted) {}
+
+  // Those of the cells of places (voxels, from the tip's), but for that which leads here.
+  void meet(const Place& at) noexcept {
+    const FourPlaces in(at.x, at.y, at.z);
+    const Index3& base = scan.frame.base;
+    for (int p = 0; p < kPieces; ++p)
+      if (known[p] && !meet(Index3(in.x[p] + base.x(), in.y[p] + base.y(), in.z[p] + base.z())))
+        known[p] = 0;
   }
 
-  // At places (voxels, from the tip's): the largest value, and the largest of those where the bur wasn't nearest on
-  // that way but at one of its ends: there it is less. Gradient per voxel.
-  struct Taken {
-    Float4 value = all4(-kUnlimited), at_ends = all4(-kUnlimited);
-    Float4 gx{}, gy{}, gz{};
-  };
-  Taken at(const Float4& x, const Float4& y, const Float4& z) const noexcept {
-    Taken taken;
+  // Whether they tell more than the lattice's values, which of one pass that bends evenly tell all.
+  bool tell() noexcept {
+    if (count == 0) return false;
+    std::sort(numbers, numbers + count);
+    bool one_pass = true, all_long = true;
     for (int k = 0; k < count; ++k) {
-      const KnownSweep& of = *sweeps[k];
-      const KnownSweep::Sample s = of.at(x, y, z);
-      taken.at_ends = s.on_way ? taken.at_ends : greatest(taken.at_ends, s.value);
-      const Int4 more = s.on_way & (s.value > taken.value);
-      taken.value = more ? s.value : taken.value;
-      taken.gx = more ? s.by_l * of.l[0] + s.by_h * of.h[0] : taken.gx;
-      taken.gy = more ? s.by_l * of.l[1] + s.by_h * of.h[1] : taken.gy;
-      taken.gz = more ? s.by_l * of.l[2] + s.by_h * of.h[2] : taken.gz;
+      const StraightSweep* const part = scan.history->find(numbers[k]);
+      if (!part) return false;
+      all_long &= part->way.squaredNorm() > kLong * kLong;
+      one_pass = one_pass && (k == 0 || is_one_pass(numbers[k - 1], numbers[k]));
     }
+    return !one_pass || all_long;
+  }
+  bool is_one_pass(SweepHistory::Number from, SweepHistory::Number to) const noexcept {
+    if (to - from > kNext) return false;
+    const StraightSweep* before = scan.history->find(from);
+    for (SweepHistory::Number n = from + 1; n <= to; ++n) {
+      const StraightSweep* const part = scan.history->find(n);
+      if (!part->follows(*before)) return false;
+      before = part;
+    }
+    return true;
+  }
+  // Whether all of them are known.
+  bool draw() noexcept {
+    for (int k = 0; k < count; ++k) {
+      sweeps[k] = model.known(scan, numbers[k]);
+      if (!sweeps[k]) return false;
+    }
+    for (int k = 1; k < count; ++k)  // not two in one place
+      if ((numbers[k] - numbers[k - 1]) % kKnown == 0) return false;
+    return true;
+  }
+
+  KnownSweep::Sample at(const Place& place) const noexcept {
+    KnownSweep::Sample taken{all4(kNothing), Float4{}, Float4{}, Float4{}};
+    for (int k = 0; k < count; ++k)
+      taken = KnownSweep::deeper(taken, sweeps[k]->at(place.x, place.y, place.z));
     return taken;
   }
 
-  // A place beside others, by mm in B.
-  Place beside(const Place& from, const Displaced& d) const {
-    const float* a = scan.frame.a;
-    return {scan.frame, from.x + (a[0] * d.x + a[1] * d.y + a[2] * d.z),
-            from.y + (a[3] * d.x + a[4] * d.y + a[5] * d.z),
-            from.z + (a[6] * d.x + a[7] * d.y + a[8] * d.z)};
+  // The same, of what is left after leaving out those that are shallower than others, there and as far around as `around`
+  // (mm).
+  KnownSweep::Sample at_and_keep_deepest(const Place& place, const Float4& around) noexcept {
+    KnownSweep::Sample of[kMost];
+    bool starts[kMost], ends[kMost], kept[kMost];
+    for (int k = 0; k < count; ++k) {
+      KnownSweep::Beyond beyond;
+      of[k] = sweeps[k]->at(place.x, place.y, place.z, &beyond);
+      starts[k] = !any(known & ~(beyond.start > kMayBend * around));
+      ends[k] = !any(known & ~(beyond.end > kMayBend * around));
+    }
+    leave_out_ends(starts, ends, kept);
+    KnownSweep::Sample taken{all4(kNothing), Float4{}, Float4{}, Float4{}};
+    for (int k = 0; k < count; ++k)
+      if (kept[k]) taken = KnownSweep::deeper(taken, of[k]);
+    const float same = kSameDepth * static_cast<float>(scan.workpiece.voxel());
+    for (int k = 0; k < count; ++k) {
+      const Float4 above = of[k].value - taken.value;
+      kept[k] = kept[k] && any(known & (above > kMayRise * around));
+      deepest_[k] = any(known & (above > -same));
+    }
+    keep(kept);
+    return taken;
   }
 
-  // Of these pieces, those for which they make the lattice's values in the cells of places that are so far (mm) from the
-  // bur's own print.
-  Int4 explain(const Place& at, const Float4& from_print, Int4 good) const {
-    const FourPlaces in(at.x, at.y, at.z);
-    const Index3& base = scan.frame.base;
-    const float voxel = cut.voxel;
-    FourCells cells;
-    cells.read(scan.workpiece.cut(), in.x + base.x(), in.y + base.y(), in.z + base.z(), good);
-    for (int k = 0; k < kCorners && any(good); ++k) {
-      const auto dx = static_cast<float>(k >> 2), dy = static_cast<float>((k >> 1) & 1),
-                 dz = static_cast<float>(k & 1);
-      const Float4 has = cells.corner(k),
-                   value = this->at(as_float(in.x) + dx, as_float(in.y) + dy, as_float(in.z) + dz)
-                               .value,
-                   over = value - has,
-                   outside = from_print + (dx - in.fx) * rise[0] + (dy - in.fy) * rise[1] +
-                             (dz - in.fz) * rise[2];
-      const Int4 print = has + outside < kOtherVoid * voxel;
-      good &= ((over < kExplained * voxel) & (print | (over > -kOtherVoid * voxel))) |
-              ((has > kFarOff * voxel) & (value > kFarOff * voxel)) |
-              ((has < -voxel) & (value < -voxel));
+  // At places around that one: what is taken there, of what is left after leaving out those that are nowhere deepest.
+  template <std::size_t kPlaces>
+  void at_and_keep_deepest(const Place (&places)[kPlaces], Float4 (&taken)[kPlaces]) noexcept {
+    bool kept[kMost];
+    std::copy_n(deepest_, count, kept);
+    const float same = kSameDepth * static_cast<float>(scan.workpiece.voxel());
+    for (std::size_t i = 0; i < kPlaces; ++i) {
+      Float4 of[kMost];
+      taken[i] = all4(kNothing);
+      for (int k = 0; k < count; ++k) {
+        of[k] = sweeps[k]->at(places[i].x, places[i].y, places[i].z).value;
+        taken[i] = greatest(taken[i], of[k]);
+      }
+      for (int k = 0; k < count; ++k) kept[k] |= any(known & (of[k] > taken[i] - same));
     }
-    return good;
+    keep(kept);
   }
-  // The same around the pieces, whose middles are these.
-  Int4 explain_around(const Place& middles, const Float4& from_print, Int4 good) const {
-    constexpr float kPlaces[kCellsInPiece][2] = {{0, 0},
-                                                 {kNearCorner, -kNearCorner},
-                                                 {-kNearCorner, kNearCorner},
-                                                 {kNearCorner, kNearCorner},
-                                                 {-kNearCorner, -kNearCorner}};
-    for (const auto& [x, y] : kPlaces) {
-      if (!any(good)) break;
-      const Displaced d = cut.displaced(all4(x), all4(y));
-      const Float4 outside = from_print + (cut.nx * d.x + cut.ny * d.y + cut.nz * d.z);
-      good = explain(beside(middles, d), outside, good);
+
+ private:
+  // The cells that were met, each in a place of its own among 4 x 4 x 4.
+  struct Met {
+    Index3 at;
+    bool known;
+  };
+  std::uint64_t met_ = 0;  // a bit of each
+  bool deepest_[kMost];    // in the middle
+  std::array<Met, 64> cells_;
+
+  // Those of a cell; whether there are no others.
+  bool meet(const Index3& cell) noexcept {
+    const int place = (cell.x() & 3) | (cell.y() & 3) << 2 | (cell.z() & 3) << 4;
+    const std::uint64_t bit = std::uint64_t{1} << place;
+    Met& met = cells_[static_cast<std::size_t>(place)];
+    if ((met_ & bit) && met.at == cell) return met.known;
+    float values[8], by[8];
+    cell_corners(scan.workpiece.cut(), cell.x(), cell.y(), cell.z(), values);
+    cell_corners(scan.history->deepest(), cell.x(), cell.y(), cell.z(), by);
+    const auto voxel = static_cast<float>(scan.workpiece.voxel());
+    bool all = true;
+    SweepHistory::Number last = scan.leads_here;
+    for (int k = 0; k < 8 && all; ++k) {
+      if (values[k] < -kDeepInTissue * voxel || values[k] > kFarOff * voxel) continue;
+      const auto number = static_cast<SweepHistory::Number>(by[k]);
+      if (number > 0 && (number == last || number == scan.leads_here)) continue;
+      all = add(number);
+      last = number;
     }
-    return good;
+    met_ |= bit, met.at = cell, met.known = all;
+    return all;
+  }
+  // Leaves out parts of which only the beginning or the end tells, which is their neighbour's as well.
+  void leave_out_ends(const bool (&starts)[kMost], const bool (&ends)[kMost],
+                      bool (&kept)[kMost]) const noexcept {
+    std::fill_n(kept, count, true);
+    const auto has_before = [&](int k) {
+      return k > 0 && kept[k - 1] && numbers[k - 1] == numbers[k] - 1 && sweeps[k]->sweep().goes_on;
+    };
+    const auto has_after = [&](int k) {
+      return k + 1 < count && kept[k + 1] && numbers[k + 1] == numbers[k] + 1 &&
+             sweeps[k + 1]->sweep().goes_on;
+    };
+    for (int k = count; k-- > 0;)
+      if (starts[k] && has_before(k) && (!sweeps[k]->may_end() || has_after(k))) kept[k] = false;
+    for (int k = 0; k < count; ++k)
+      if (kept[k] && ends[k] && has_after(k) && (!sweeps[k]->may_start() || has_before(k)))
+        kept[k] = false;
+  }
+  void keep(const bool (&kept)[kMost]) noexcept {
+    int left = 0;
+    for (int k = 0; k < count; ++k)
+      if (kept[k])
+        numbers[left] = numbers[k], sweeps[left] = sweeps[k], deepest_[left++] = deepest_[k];
+    count = left;
+  }
+  bool add(SweepHistory::Number number) noexcept {
+    if (number <= 0) return false;
+    for (int k = 0; k < count; ++k)
+      if (numbers[k] == number) return true;
+    if (count == kMost) return false;
+    numbers[count++] = number;
+    return true;
   }
 };
 
-// Chooses the sweeps that may be met here, but for that which leads here.
-void ContactModel::know_sweeps(const Scan& scan) noexcept {
-  if (scan.turns) return;
-  if (scan.cuts != known_cuts_ || std::abs(path_ - known_at_) > kChosenFor) {
-    known_cuts_ = scan.cuts, known_at_ = path_;
-    const double aside = kSame * scan.workpiece.voxel();
-    known_count_ = 0;
-    for (auto sweep = scan.sweeps.rbegin();
-         sweep != scan.sweeps.rend() && known_count_ < kMostKnown; ++sweep) {
-      const auto holds_it = [&](const KnownSweep& chosen) {
-        return chosen.sweep.contains(bur_, *sweep, aside);
-      };
-      const auto end = known_.begin() + static_cast<std::ptrdiff_t>(known_count_);
-      if (sweep->way.norm() < kLeastWay || !sweep->may_meet(bur_, sampled_pose_, kNear) ||
-          leads_here(scan, *sweep) || std::any_of(known_.begin(), end, holds_it))
-        continue;
-      // One that was known before needn't be drawn anew.
-      const auto same = std::find_if(
-          end, known_.end(), [&](const KnownSweep& before) { return before.is_of(*sweep); });
-      if (same != known_.end()) std::swap(*same, *end);
-      if (end->set(bur_, *sweep)) ++known_count_;
-    }
+// How deep places of an element (voxels, from the tip's) lie in what was taken; 0 where that isn't known.
+Float4 ContactModel::taken_by_sweeps(const Scan& scan, int i, const Place& at) noexcept {
+  double& parts_from = standing_[i].parts_here_from;
+  if (way_ < parts_from) return Float4{};
+  NearSweeps near(*this, scan, Int4{-1, -1, -1, -1});
+  near.meet(at);
+  if (!near.tell() || !near.draw()) {
+    parts_from = way_ + kNoPartsHere * scan.workpiece.voxel();
+    return Float4{};
   }
-  for (std::size_t k = 0; k < known_count_; ++k)
-    known_[k].put(scan.workpiece.lattice(), scan.frame.base);
+  return near.known ? near.at(at).value : Float4{};
 }
 
-bool ContactModel::knows_sweeps(const Scan& scan) const noexcept {
-  return known_count_ > 0 && !scan.turns;
-}
-
-// The largest value of them all where the bur was nearest on the way.
-Float4 ContactModel::taken_by_sweeps(const Place& at) const noexcept {
-  Float4 value = all4(-kUnlimited);
-  for (std::size_t k = 0; k < known_count_; ++k) {
-    const KnownSweep::Sample s = known_[k].at(at.x, at.y, at.z);
-    value = s.on_way ? greatest(value, s.value) : value;
-  }
-  return value;
-}
-
-// Pieces around which these sweeps make all that there is; the others are left. `far`: their middles, so far ahead that
-// the bur's own print is `from_print` (mm) away.
+// Pieces around which the parts that cut there are known; the others are left. `far`: their middles, farther ahead.
 Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                                   const Float4& from_print, const Int4& wanted,
-                                   Lanes& s) const noexcept {
+                                   const Int4& wanted, Lanes& s) const noexcept {
+  if (way_ < *s.parts_from) return Int4{};
   const float voxel = cut.voxel;
   const Float4 rim = cut.half_along + cut.half_around;
   // In the middle of the step to come, so that a wall that is met head-on counts neither early nor late.
   const Eigen::Vector3f back = s.ahead - 0.5f * static_cast<float>(step_) * s.unit;
   const Place here{scan.frame, s.ix - back.x(), s.iy - back.y(), s.iz - back.z()};
-  Int4 good{};
-  NearSweeps near(scan, cut);
-  for (std::size_t k = 0; k < known_count_; ++k) {
-    const Float4 value = known_[k].at(here.x, here.y, here.z).value,
-                 farther = known_[k].at(far.x, far.y, far.z).value;
-    good |= wanted & (value > -rim - kBeyondRim * voxel);
-    if (any(wanted & (greatest(value, farther) > -rim - kMatters * voxel)))
-      near.sweeps[near.count++] = &known_[k];
+  const auto beside = [&](const Place& from, float along, float around) {
+    const Displaced d = cut.displaced(all4(along), all4(around));
+    const float* a = scan.frame.a;
+    return Place{scan.frame, from.x + (a[0] * d.x + a[1] * d.y + a[2] * d.z),
+                 from.y + (a[3] * d.x + a[4] * d.y + a[5] * d.z),
+                 from.z + (a[6] * d.x + a[7] * d.y + a[8] * d.z)};
+  };
+  NearSweeps near(*this, scan, wanted);
+  const Eigen::Vector3f on = kAheadOfPiece * voxel * s.unit;
+  const Place ahead{scan.frame, here.x + on.x(), here.y + on.y(), here.z + on.z()};
+  near.meet(ahead), near.meet(far);
+  for (const float y : {-kNearCorner, kNearCorner})
+    for (const float x : {-kNearCorner, kNearCorner}) near.meet(beside(here, x, y));
+  near.meet(here);
+  if (!any(near.known) || !near.tell() || !near.draw()) {
+    *s.parts_from = way_ + kNoPartsAhead * static_cast<double>(voxel);
+    return Int4{};
   }
+  const KnownSweep::Sample middle = near.at_and_keep_deepest(here, kToCorner * rim);
+  const Int4 good = near.known & (middle.value > -rim - kBeyondRim * voxel);
   if (!any(good)) return good;
-  good = near.explain({scan.frame, s.ix, s.iy, s.iz}, scan.reach * cut.per_speed * s.advance, good);
-  good = near.explain_around(far, from_print, good);
-  if (!any(good)) return good;
-  const Float4 stays = s.stays, holds = s.holds;
-  s.stays = s.holds = all4(kUnlimited);
-  const PieceAxes& a = cut.axes;
-  const auto border_of = [&](const Parts::Part& part) {
-    const Float4 x = all4(part.x), y = all4(part.y), wide = 1 + a.widening * x,
-                 turned = a.widening * y;
-    const Place at = near.beside(here, cut.displaced(x, y));
-    const NearSweeps::Taken taken = near.at(at.x, at.y, at.z);
+  const PieceAxes& axes = cut.axes;
+  const auto border_of_part = [&](const Parts::Part& part, const KnownSweep::Sample& taken) {
+    const Float4 x = all4(part.x), y = all4(part.y), wide = 1 + axes.widening * x,
+                 turned = axes.widening * y;
     // In B, per mm.
     const FourSamples g = scan.frame.gradients({taken.value, taken.gx, taken.gy, taken.gz});
-    const Float4 around = a.around(g);
-    const Borders border{taken.value,
-                         part.half_along * (a.along(g) + turned * around + 2 * x * a.bent_along(g)),
-                         part.half_around * (wide * around + 2 * y * a.bent_around(g))};
-    const Float4 clear = -(part.half_along * cut.half_along + part.half_around * cut.half_around);
-    good &= (taken.at_ends <= taken.value) | (taken.at_ends < clear);
-    s.note_crossing(good, border.value, border.along, border.around, cut.rise(g));
-    return border;
+    const Float4 around = axes.around(g);
+    return Borders{taken.value,
+                   part.half_along * (axes.along(g) + turned * around + 2 * x * axes.bent_along(g)),
+                   part.half_around * (wide * around + 2 * y * axes.bent_around(g))};
   };
-  Parts parts(border_of);
-  s.stays = good ? s.stays : stays, s.holds = good ? s.holds : holds;
-  if (any(good)) parts.cover(cut, good, kThinSlot * voxel, s);
+  const Borders border = border_of_part(Parts::Part::whole(), middle);
+  // Where the border is straight, or far from the piece, one part tells.
+  constexpr float kSides[] = {-1, 1};
+  const Place corners[kPieces] = {
+      beside(here, kSides[0], kSides[0]), beside(here, kSides[1], kSides[0]),
+      beside(here, kSides[0], kSides[1]), beside(here, kSides[1], kSides[1])};
+  Float4 at_corners[kPieces];
+  near.at_and_keep_deepest(corners, at_corners);
+  Int4 bent{};
+  for (int k = 0; k < kPieces; ++k) {
+    const Float4 off = at_corners[k] - (border.value + kSides[k & 1] * border.along +
+                                        kSides[k >> 1] * border.around);
+    bent |= magnitude(off) > kStraightBorder * voxel;
+  }
+  const auto rise_of = [&](const KnownSweep::Sample& taken) {
+    return cut.rise(scan.frame.gradients({taken.value, taken.gx, taken.gy, taken.gz}));
+  };
+  Int4 sure;  // that it isn't thinner than is known
+  if (any(good & bent)) {
+    Float4 rises[Parts::kCount];
+    Parts parts([&](int k, const Parts::Part& part) {
+      const KnownSweep::Sample taken = near.at(beside(here, part.x, part.y));
+      rises[k] = rise_of(taken);
+      return border_of_part(part, taken);
+    });
+    parts.cover(cut, good, kThinSlot * voxel, s);
+    const float on_way = kOnWay * voxel;
+    const CoveredPart<Float4> later = parts.covered(on_way, rises);
+    const float per_way = 1 / on_way;
+    s.per_way = {per_way * (later.share - s.share), per_way * (later.x - s.x),
+                 per_way * (later.y - s.y)};
+    s.by_rates |= good;
+    sure = parts.are_sure();
+  } else {
+    Parts parts(border);
+    parts.cover(cut, good, kThinSlot * voxel, s);
+    s.by_slots &= ~good;
+    sure = parts.are_sure();
+  }
+  s.rise = good ? rise_of(middle) : s.rise;
+  // The lattice's border, of which this was noted, isn't the one that counts.
+  s.moves = good ? all4(kUnlimited) : s.moves;
+  const Int4 divided = good & sure & (s.share > kUndivided) & (s.share < 1 - kUndivided);
+  s.note_crossing(good, border.value, border.along, border.around, rise_of(middle), kHolds);
+  const Float4 soon = s.moves;
+  s.moves = divided ? all4(kUnlimited) : s.moves;
+  s.note_crossing(divided, border.value, border.along, border.around, rise_of(middle), kBentMoves);
+  if (!any(good & bent)) s.moves = good & sure ? all4(kStraightMoves * voxel) : soon;
   s.by_sweeps = good;
   return good;
 }

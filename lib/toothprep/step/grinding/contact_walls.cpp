@@ -31,8 +31,6 @@ constexpr float kAgrees = 0.015f, kSameWall = 0.05f;
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
 constexpr float kTaken = 0.01f;
-// Or where the bur went over it deeper than this (voxels).
-constexpr double kInsideSweep = 0.002;
 
 // Square of the difference of two gradients.
 Float4 turned(const FourSamples& a, const FourSamples& b) {
@@ -81,14 +79,13 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   };
   const Float4 way = way_from_print(kFromPrint);
   const Int4 clear = way >= look_ahead;
-  const bool by_sweeps = knows_sweeps(scan) && !scan.farther;
+  const bool by_sweeps = scan.knows_parts() && !scan.farther;
   const bool by_slots = leaves_slots_ && (has_edges_ || cut.straight || slot_->edge().draws());
   if (has_edges_ || by_slots || by_sweeps) {
     const Float4 way_there = way_from_print(kGrooveFromPrint);
     Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
     if (by_sweeps && any(beside_slots)) {
-      others &= ~cover_by_sweeps(scan, cut, ahead(way_there),
-                                 way_there * (advance + 0.5f * bend * way_there), beside_slots, s);
+      others &= ~cover_by_sweeps(scan, cut, ahead(way_there), beside_slots, s);
       beside_slots &= others;
     }
     for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;
@@ -192,9 +189,7 @@ bool ContactModel::was_over(const Scan& scan, const CutOfPieces& cut, int p, flo
                                    scan.reach * s.unit + f.turned(d.x[p], d.y[p], d.z[p]);
   const Lattice& lattice = scan.workpiece.lattice();
   const Vec3 place = lattice.to_world(f.base) + lattice.voxel * from_tip.cast<double>();
-  return std::any_of(scan.sweeps.begin(), scan.sweeps.end(), [&](const StraightSweep& sweep) {
-    return sweep.was_over(bur_, place, kInsideSweep * lattice.voxel);
-  });
+  return went_over(scan, place);
 }
 
 // Two earlier cuts leave a ridge between them. The lattice rounds it, and one border doesn't divide a piece in which

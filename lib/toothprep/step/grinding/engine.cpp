@@ -26,7 +26,7 @@ class LevelsetEngine final : public GrindingEngine {
   void sample(const Pose& pose, const Vec3& v, const Vec3& omega) noexcept override {
     const std::size_t count = removal_.ahead(pose, v, omega, uncut_);
     contact_.sample(workpiece_, pose, v, omega, kReachVoxels * workpiece_.voxel(),
-                    removal_.cuts_made(), std::span(uncut_).first(count), removal_.sweeps());
+                    removal_.cuts_made(), std::span(uncut_).first(count), &removal_.history());
   }
   bool covers(const Vec3& v) const noexcept override { return contact_.covers(v); }
   const ContactSet& contact() const noexcept override { return contact_.contact(); }

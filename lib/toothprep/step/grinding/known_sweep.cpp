@@ -1,32 +1,82 @@
 #include "toothprep/step/grinding/known_sweep.h"
 
+#include <cmath>
+
 namespace toothprep {
+namespace {
+
+constexpr float kUpright = 2e-4f;      // mm of way along the axis
+constexpr float kHardlyLeans = 0.05f;  // voxels of it
+constexpr float kNoRadius = 1e-6f;     // mm
+
+}  // namespace
 
 bool KnownSweep::is_of(const StraightSweep& other) const noexcept {
-  return other.way == sweep.way && other.from.position == sweep.from.position &&
-         other.from.orientation.coeffs() == sweep.from.orientation.coeffs();
+  return other.way == sweep_.way && other.from.position == sweep_.from.position &&
+         other.from.orientation.coeffs() == sweep_.from.orientation.coeffs();
 }
 
-bool KnownSweep::set(const Bur& bur, const StraightSweep& of) noexcept {
-  if (is_of(of)) return length > 0;
-  sweep = of;
-  const double way = of.way.norm();
-  length = 0;
-  if (!(way > 0)) return false;
-  if (!outline.draw(bur.profile(), of.from.orientation.conjugate() * of.way / way)) return false;
-  length = static_cast<float>(way);
-  return true;
+bool KnownSweep::set(const Bur& bur, const ConvexProfile& standing, const StraightSweep& sweep,
+                     float voxel) noexcept {
+  sweep_ = sweep;
+  standing_ = &standing;
+  const double way = sweep.way.norm();
+  // Where the bur hardly moved any direction will do.
+  const Vec3 along =
+      way > kUpright ? Vec3(sweep.from.orientation.conjugate() * sweep.way / way) : Vec3::UnitX();
+  length_ = static_cast<float>(way);
+  lean_ = static_cast<float>(along.z());
+  const float on_axis = std::abs(lean_ * length_);
+  leans_ = on_axis < kUpright                                         ? Leans::kNot
+           : on_axis < kHardlyLeans * voxel && std::abs(lean_) < 0.5f ? Leans::kHardly
+                                                                      : Leans::kFar;
+  known_ = leans_ != Leans::kFar || outline_.draw(bur.profile(), along);
+  axes_ = leans_ != Leans::kFar ? SweptOutline::axes_of(along) : outline_.axes();
+  return known_;
 }
 
 void KnownSweep::put(const Lattice& lattice, const Index3& base) noexcept {
-  const SweptOutline::Axes& axes = outline.axes();
   const auto put_one = [&](const Vec3& axis, float(&to)[4]) {
-    const Vec3 in_world = sweep.from.orientation * axis;
+    const Vec3 in_world = sweep_.from.orientation * axis;
     for (int i = 0; i < 3; ++i) to[i] = static_cast<float>(lattice.voxel * in_world[i]);
-    to[3] = static_cast<float>(in_world.dot(lattice.to_world(base) - sweep.from.position));
+    to[3] = static_cast<float>(in_world.dot(lattice.to_world(base) - sweep_.from.position));
   };
-  margin = static_cast<float>(lattice.voxel);
-  put_one(axes.beside, l), put_one(axes.up, h), put_one(axes.along, t);
+  put_one(axes_.beside, l_), put_one(axes_.up, h_), put_one(axes_.along, t_);
+  put_one(Vec3::UnitZ(), z_);
+}
+
+// As of the bur that stands so far along the way, at places across the way, along it, and along the axis.
+KnownSweep::Sample KnownSweep::where_it_stood(const Float4& end, const Across& at) const noexcept {
+  const Float4 along = at.way - end, up = at.axial - lean_ * end,
+               radius = square_root(
+                   greatest(at.l * at.l + at.h * at.h + along * along - up * up, Float4{})),
+               per_radius = 1 / greatest(radius, all4(kNoRadius));
+  const ConvexProfile::Sample b = standing_->at(radius, up);
+  const Float4 by_r = per_radius * b.by_r, by_l = by_r * at.l, by_h = by_r * at.h,
+               by_t = by_r * along, by_z = b.by_z - by_r * up;
+  const auto gradient = [&](int axis) {
+    return by_l * l_[axis] + by_h * h_[axis] + by_t * t_[axis] + by_z * z_[axis];
+  };
+  return {b.value, gradient(0), gradient(1), gradient(2)};
+}
+
+KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4& z,
+                                  Beyond* beyond_ends) const noexcept {
+  const Across at{across(l_, x, y, z), across(h_, x, y, z), across(t_, x, y, z),
+                  across(z_, x, y, z)};
+  if (leans_ != Leans::kFar) {
+    if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
+    const Sample beside = where_it_stood(greatest(least(at.way, all4(length_)), Float4{}), at);
+    if (leans_ == Leans::kNot) return beside;
+    return deeper(beside, where_it_stood(all4(lean_ < 0 ? length_ : 0), at));
+  }
+  const SweptOutline::Sample s = outline_.at(at.l, at.h);
+  const auto gradient = [&](int axis) { return s.by_l * l_[axis] + s.by_h * h_[axis]; };
+  if (beyond_ends) *beyond_ends = {s.from - at.way, at.way - (s.to + length_)};
+  const Sample on_way{s.value, gradient(0), gradient(1), gradient(2)};
+  const Int4 after = at.way > s.to + length_, beyond = (at.way < s.from) | after;
+  if (!any(beyond)) return on_way;
+  return chosen(beyond, where_it_stood(after ? all4(length_) : Float4{}, at), on_way);
 }
 
 }  // namespace toothprep

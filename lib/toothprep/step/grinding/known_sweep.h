@@ -1,43 +1,69 @@
 // A straight part of the bur's way, and what the bur took there, as places in a lattice have it. Internal to this folder.
 #pragma once
 
+#include "toothprep/step/grinding/convex_profile.h"
 #include "toothprep/step/grinding/straight_sweep.h"
 #include "toothprep/step/grinding/swept_outline.h"
 #include "toothprep/step/tooth/layered_tooth.h"
 
 namespace toothprep {
 
-struct KnownSweep {
-  StraightSweep sweep;
-  SweptOutline outline;
-  float length = 0;  // of the way, mm
-  float margin = 0;  // a voxel, mm
-  float l[4], h[4],
-      t[4];  // across the way and along it, mm: of places (voxels) from a base, and of the base
-
-  [[nodiscard]] bool is_of(const StraightSweep& other) const noexcept;
-  // Whether there is an outline of it.
-  bool set(const Bur& bur, const StraightSweep& of) noexcept;
+class KnownSweep {
+ public:
+  // Whether it is known: along the bur's axis it isn't. `standing`: of a bur that stands; kept.
+  bool set(const Bur& bur, const ConvexProfile& standing, const StraightSweep& sweep,
+           float voxel) noexcept;
+  [[nodiscard]] bool is_of(const StraightSweep& sweep) const noexcept;
+  const StraightSweep& sweep() const { return sweep_; }
+  [[nodiscard]] bool is_known() const { return known_; }
+  // Whether an outline was drawn for it, which takes time.
+  [[nodiscard]] bool is_drawn() const { return leans_ == Leans::kFar; }
   // Says from where places are counted.
   void put(const Lattice& lattice, const Index3& base) noexcept;
 
-  // At places (voxels, from the base): the value (mm, positive in what it took) as if it had no ends, and where that is so:
-  // the bur was nearest on that way, a voxel or more from its ends.
+  // At places (voxels, from the base): how far these lie within what the bur took, mm, negative outside; gradient per voxel.
   struct Sample {
     Float4 value;
-    Int4 on_way;
-    Float4 by_l, by_h;  // gradient
+    Float4 gx, gy, gz;
   };
-  Sample at(const Float4& x, const Float4& y, const Float4& z) const noexcept {
-    const SweptOutline::Sample s = outline.at(across(l, x, y, z), across(h, x, y, z));
-    const Float4 way = across(t, x, y, z);
-    return {s.value, (way >= s.from + margin) & (way <= s.to + (length - margin)), s.by_l, s.by_h};
+  static Sample chosen(const Int4& which, const Sample& one, const Sample& other) {
+    return {which ? one.value : other.value, which ? one.gx : other.gx, which ? one.gy : other.gy,
+            which ? one.gz : other.gz};
   }
+  static Sample deeper(const Sample& one, const Sample& other) {
+    return chosen(other.value > one.value, other, one);
+  }
+  // By how much (mm) places lie before where it is deepest there, or behind it: there its beginning or its end tells.
+  struct Beyond {
+    Float4 start, end;
+  };
+  Sample at(const Float4& x, const Float4& y, const Float4& z,
+            Beyond* beyond = nullptr) const noexcept;
+  // Whether its beginning, or its end, may be deepest even beside the way.
+  [[nodiscard]] bool may_start() const { return leans_ == Leans::kHardly && !(lean_ < 0); }
+  [[nodiscard]] bool may_end() const { return leans_ == Leans::kHardly && lean_ < 0; }
 
  private:
   static Float4 across(const float (&by)[4], const Float4& x, const Float4& y, const Float4& z) {
     return by[0] * x + by[1] * y + by[2] * z + by[3];
   }
+  // Places across the way and along it, and along the axis, mm.
+  struct Across {
+    Float4 l, h, way, axial;
+  };
+  Sample where_it_stood(const Float4& end, const Across& at) const noexcept;
+
+  StraightSweep sweep_;
+  bool known_ = false;
+  const ConvexProfile* standing_ = nullptr;
+  SweptOutline outline_;  // unless the way is square to the axis
+  SweptOutline::Axes axes_;
+  // The way against square to the axis: not at all; so little that where the bur is beside a place, or where it is deepest,
+  // tells; or so that its outline is drawn.
+  enum class Leans { kNot, kHardly, kFar } leans_ = Leans::kNot;
+  float length_ = 0, lean_ = 0;  // of the way, mm; how much of it goes along the axis
+  // Across the way and along it, and along the bur's axis, mm: of places (voxels) from a base, and of the base.
+  float l_[4], h_[4], t_[4], z_[4];
 };
 
 }  // namespace toothprep

@@ -39,9 +39,6 @@ constexpr float kHalfEdge = 0.5f * (kBlockEdge - 1);  // voxels, from a block's 
 constexpr double kHalfBlock = 0.5 * (kBlockEdge - 1) * kRoot3;  // and to a corner
 // A sweep is taken for a translation if no point of the head leaves its chord by more than this,
 constexpr double kStraight = 0.01;  // voxels
-// Of so many straight parts of its way the bur remembers where it was, to so many voxels.
-constexpr std::size_t kMostSweeps = 32;
-constexpr double kSweptAside = 0.002;
 // nor goes farther than its ends: what was ground beyond them and left would be ground each time.
 constexpr double kBeyondEnds = 0.01;  // voxels
 // A cut is carved in proportion to the way, a little ahead of the next one's being due. At once it
@@ -132,9 +129,9 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
       sides_(bur, kHalfBlock * workpiece.voxel() + kSubPoses * due_distance_,
              (kBandVoxels + kHalfBlock + 1) * workpiece.voxel()),
       last_(pose),
+      history_(workpiece),
       carved_at_(pose) {
   for (const SharpEdge& edge : sharp_edges(bur.profile())) edges_.emplace_back(edge);
-  sweeps_.reserve(kMostSweeps);
   way_.reserve(kMostWaypoints);
   sub_poses_.reserve(kMaxSubPoses);
   from_brick_.resize(kMaxSubPoses);
@@ -209,7 +206,7 @@ void Removal::plan() noexcept {
   const Pose end = way_[count - 1].pose;
   one_least_ = convex_ && straight;
   late_ = displacement(last_, end) > 2 * due_distance_;
-  if (one_least_) note_sweep(last_, end);
+  part_ = one_least_ ? history_.note(bur_, last_, end, last_carved_) : 0;
   plan_sub_poses(last_, end);
   plan_sides(last_, end);
   last_ = end;
@@ -218,20 +215,6 @@ void Removal::plan() noexcept {
   way_since_plan_ = 0;
   due_after_ = std::max(way_until_due(), kLeastPace * due_distance_);
   plan_box();
-}
-
-void Removal::note_sweep(const Pose& from, const Pose& to) noexcept {
-  const double aside = kSweptAside * workpiece_.voxel();
-  if (!sweeps_.empty()) {
-    StraightSweep& last = sweeps_.back();
-    const Vec3 end = last.from.position + last.way;
-    if (last_carved_ && (end - from.position).norm() < aside && last.lead_on(bur_, to, aside))
-      return;
-  }
-  StraightSweep sweep{from};
-  if (!sweep.lead_on(bur_, to, aside)) return;
-  if (sweeps_.size() == kMostSweeps) sweeps_.erase(sweeps_.begin());
-  sweeps_.push_back(sweep);
 }
 
 void Removal::plan_sub_poses(const Pose& from, const Pose& to) noexcept {
@@ -403,7 +386,7 @@ void Removal::carve_brick(std::size_t brick) noexcept {
   while (!reaches(past[-1])) --past;
   const Range near{static_cast<std::size_t>(one - begin), static_cast<std::size_t>(past - begin)};
   const bool gone = *std::min_element(begin, end) < -half - band;
-  UnderWay b{cut.brick(brick)};
+  UnderWay b{brick, cut.brick(brick)};
   bring_near(b.before);
   if (!gone) measure_blocks(first, near);
   least_of_blocks(b.before, cut.is_uniform(brick), b.low);
@@ -515,6 +498,12 @@ void Removal::put_block(int block, const float* deepest, UnderWay& b) noexcept {
     b.values = kept_ ? std::exchange(kept_, nullptr) : workpiece_.cut().take_brick();
     if (!b.values) return;  // cannot happen: the workpiece reserved enough
     std::copy(b.before, b.before + kBrickVoxels, b.values);
+  }
+  float* const by = history_.write(b.brick);
+  for (int row = 0; by && row < kBlockRows; ++row) {
+    const int at = start + row_offset(row);
+    const Int4 cuts_here = load4(now + kBlockEdge * row) > load4(b.before + at);
+    store4(cuts_here ? all4(static_cast<float>(part_)) : load4(by + at), by + at);
   }
   for (int row = 0; row < kBlockRows; ++row)
     std::copy(now + kBlockEdge * row, now + kBlockEdge * (row + 1),

@@ -17,7 +17,7 @@
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/grinding/edge_ridges.h"
 #include "toothprep/step/grinding/feed_sides.h"
-#include "toothprep/step/grinding/straight_sweep.h"
+#include "toothprep/step/grinding/sweep_history.h"
 #include "toothprep/step/grinding/swept_edge.h"
 #include "toothprep/step/grinding/workpiece.h"
 
@@ -44,8 +44,8 @@ class Removal {
   // `found` as far as it goes, and returns how many there are in it.
   std::size_t ahead(const Pose& pose, const Vec3& v, const Vec3& omega,
                     std::span<Pose> found) const noexcept;
-  // The straight parts of the way that it has cut, the latest last; no more than kMostSweeps.
-  std::span<const StraightSweep> sweeps() const noexcept { return sweeps_; }
+  // The straight parts of the way that it has cut, if the head is convex.
+  const SweepHistory& history() const noexcept { return history_; }
   // Carves everything that is due up to `pose`, or up to where it was paused.
   void finish(const Pose& pose) noexcept;
 
@@ -70,6 +70,7 @@ class Removal {
   };
   // A brick being carved, by blocks of 4³ voxels.
   struct UnderWay {
+    std::size_t brick;
     const float* before;
     float* values = nullptr;  // its own, once it changes
     float low[8] = {};        // the least value of each block
@@ -80,7 +81,6 @@ class Removal {
   bool cut_is_due() const noexcept;
   double way_until_due() const noexcept;
   void plan() noexcept;
-  void note_sweep(const Pose& from, const Pose& to) noexcept;
   void plan_sub_poses(const Pose& from, const Pose& to) noexcept;
   void plan_sides(const Pose& from, const Pose& to) noexcept;
   void plan_box() noexcept;
@@ -106,17 +106,18 @@ class Removal {
   double arm_;           // mm, longest from the tip to a point of the head
   bool convex_;          // the head
   EdgeRidges ridges_;
-  std::vector<SweptEdge> edges_;       // sharp ones
-                                       // of its sweeps
-  FeedSides sides_;                    // of blocks
-  Pose last_;                          // where the last planned cut ended
-  bool last_carved_ = false;           // there the head has cut, too
-  std::vector<Waypoint> way_;          // from there on; capacity reserved once
-  std::vector<StraightSweep> sweeps_;  // of convex heads; capacity reserved once
-  Pose carved_at_;                     // of the last call of carve()
-  double way_since_plan_ = 0;          // mm
-  double due_after_ = 0;               // mm of that way: the next cut
-  bool advanced_ = false;              // since then
+  std::vector<SweptEdge> edges_;   // sharp ones
+                                   // of its sweeps
+  FeedSides sides_;                // of blocks
+  Pose last_;                      // where the last planned cut ended
+  bool last_carved_ = false;       // there the head has cut, too
+  std::vector<Waypoint> way_;      // from there on; capacity reserved once
+  SweepHistory history_;           // of that way
+  SweepHistory::Number part_ = 0;  // of it: the cut under way
+  Pose carved_at_;                 // of the last call of carve()
+  double way_since_plan_ = 0;      // mm
+  double due_after_ = 0;           // mm of that way: the next cut
+  bool advanced_ = false;          // since then
   bool paused_ = false, resumes_ = false;
 
   // The cut under way: sub-poses, and the box of bricks it may touch with a cursor in it.

@@ -13,7 +13,8 @@ double moved_by_lean(const Bur& bur, const Pose& from, const Pose& to) {
          (to.orientation * Vec3::UnitZ() - from.orientation * Vec3::UnitZ()).norm();
 }
 
-constexpr double kSameWay = 0.999;  // cosine
+constexpr double kSameWay = 0.999,  // cosine
+    kHardlyBends = 0.96;            // and squared
 
 }  // namespace
 
@@ -50,27 +51,10 @@ bool StraightSweep::leads_to(const Bur& bur, const Pose& pose, const Vec3& direc
          (here - at * along).norm() < off_line && moved_by_lean(bur, from, pose) < off_line;
 }
 
-bool StraightSweep::contains(const Bur& bur, const StraightSweep& other,
-                             double off_line) const noexcept {
-  const double length = way.norm();
-  const auto on_line = [&](const Vec3& place) {
-    const Vec3 here = place - from.position;
-    const double at = length > 0 ? way.dot(here) / length : 0;
-    return at >= -off_line && at <= length + off_line &&
-           (length > 0 ? Vec3(here - at / length * way) : here).norm() < off_line;
-  };
-  return on_line(other.from.position) && on_line(other.from.position + other.way) &&
-         moved_by_lean(bur, from, other.from) < off_line;
-}
-
-bool StraightSweep::may_meet(const Bur& bur, const Pose& pose, double near) const noexcept {
-  // By balls around the head.
-  const Vec3 middle(0, 0, 0.5 * bur.head_length()), start = from.to_world(middle),
-                                                    here = pose.to_world(middle) - start;
-  const double length2 = way.squaredNorm(),
-               at = length2 > 0 ? std::clamp(way.dot(here) / length2, 0.0, 1.0) : 0,
-               radius = std::hypot(middle.z(), bur.max_radius());
-  return (here - at * way).norm() < 2 * radius + near;
+bool StraightSweep::follows(const StraightSweep& before) const noexcept {
+  const double along = way.dot(before.way);
+  return goes_on && along > 0 &&
+         along * along > kHardlyBends * way.squaredNorm() * before.way.squaredNorm();
 }
 
 bool StraightSweep::was_over(const Bur& bur, const Vec3& place, double depth) const noexcept {

@@ -11,6 +11,7 @@ struct StraightSweep {
   Pose from;
   Vec3 way = Vec3::Zero();  // W, mm
   double aside = 0;         // mm, by how much the bur was off that line, at most
+  bool goes_on = false;     // from where the part before it ended
 
   // Whether it leads on to `to` with no point of the bur's head off its line by more than `most_aside` (mm). If so it does
   // from here on.
@@ -22,11 +23,8 @@ struct StraightSweep {
   // Whether it leads to where the bur is, to `aside` (mm), and goes on as the bur does, by a unit vector (W).
   [[nodiscard]] bool leads_to(const Bur& bur, const Pose& pose, const Vec3& direction,
                               double aside) const noexcept;
-  // Whether all of another's way is on this one's, to `aside` (mm).
-  [[nodiscard]] bool contains(const Bur& bur, const StraightSweep& other,
-                              double aside) const noexcept;
-  // Whether the head, which is at `pose` now, may come within `near` (mm) of what it took there.
-  [[nodiscard]] bool may_meet(const Bur& bur, const Pose& pose, double near) const noexcept;
+  // Whether it goes on from the part before it with hardly a bend.
+  [[nodiscard]] bool follows(const StraightSweep& before) const noexcept;
   // Whether the bur, which has a convex head, was over a place (W, mm) there, deeper than `depth` (mm).
   [[nodiscard]] bool was_over(const Bur& bur, const Vec3& place, double depth) const noexcept;
 };

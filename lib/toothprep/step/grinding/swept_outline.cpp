@@ -8,11 +8,11 @@ namespace {
 
 // Sines: of the motion from the axis at least; of its lean against square to the axis from which on edges draw
 // (SweptEdge); of an edge.
-constexpr double kLeastAcross = 0.1, kLeastLean = 3e-3, kEdge = 1e-3;
+constexpr double kAcrossAtLeast = 0.1, kLeanAtLeast = 3e-3, kEdgeSine = 1e-3;
 // So many lines touch a half circle.
-constexpr int kLinesAround = 24, kLeastLines = 2, kHalvings = 12;
+constexpr int kLinesAround = 24, kLeastLines = 2, kLineHalvings = 12;
 
-constexpr float kNowhere = 1e3f;  // mm
+constexpr float kNoLine = 1e3f;  // mm
 
 // mm, by which lines of arcs and edges lie before those of faces: these bend on from where a face ends.
 constexpr double kBeforeFaces = 1e-6;
@@ -70,7 +70,7 @@ struct SweptOutline::View {
     double l, h, along;
   };
   Point touches(const Normal& n, double r, double z) const {
-    if (!(n.r > kEdge)) return {0, z * across, lean * z};
+    if (!(n.r > kEdgeSine)) return {0, z * across, lean * z};
     const double beside = r * n.of.l / n.r, ahead = -r * n.of.h * lean / n.r;
     return {beside, z * across - lean * ahead, lean * z + across * ahead};
   }
@@ -89,7 +89,7 @@ struct SweptOutline::View {
     for (int i = 0; i <= n; ++i) {
       const double wanted = first + (last - first) * i / n;
       double below = from, above = to;
-      for (int halving = 0; is_circle && halving < kHalvings; ++halving) {
+      for (int halving = 0; is_circle && halving < kLineHalvings; ++halving) {
         const double middle = 0.5 * (below + above);
         (place(middle) < wanted ? below : above) = middle;
       }
@@ -110,11 +110,11 @@ void SweptOutline::add_face(const View& view, const ProfilePiece& face,
   const ProfilePoint at = point_on(face, 0);
   const double rises = -at.along_r / view.across;
   if (face_count_ == kMostFaces) return;
-  if (!(std::abs(rises) <= 1 || std::abs(view.lean) <= kLeastLean)) return;
+  if (!(std::abs(rises) <= 1 || std::abs(view.lean) <= kLeanAtLeast)) return;
   const View::Normal n = view.normal_of(Direction::rising(rises));
   const View::Point a = view.touches(n, face.r0, face.z0), b = view.touches(n, face.r1, face.z1);
   const double dl = b.l - a.l, dh = b.h - a.h, square = dl * dl + dh * dh,
-               slope = square > kEdge * kEdge ? (b.along - a.along) / square : 0;
+               slope = square > kEdgeSine * kEdgeSine ? (b.along - a.along) / square : 0;
   const auto f = [](double x) { return static_cast<float>(x); };
   Face& to = faces_[face_count_];
   to = {&face,
@@ -125,10 +125,10 @@ void SweptOutline::add_face(const View& view, const ProfilePiece& face,
         0,
         0};
   // The end of the bur touches with all of it, but for what is nearer to the face around it.
-  if (std::abs(face.z1 - face.z0) < kEdge * (face.r1 - face.r0) && next) {
+  if (std::abs(face.z1 - face.z0) < kEdgeSine * (face.r1 - face.r0) && next) {
     const ProfilePoint around = point_on(*next, 0);
     to.radius = f(face.r1);
-    if (around.along_z > kEdge) to.narrows = f((1 - around.along_r) / around.along_z);
+    if (around.along_z > kEdgeSine) to.narrows = f((1 - around.along_r) / around.along_z);
   }
   add(n.of, face.r0 * at.along_z - face.z0 * at.along_r, 1, a.along - slope * (dl * a.l + dh * a.h),
       0);
@@ -139,7 +139,7 @@ void SweptOutline::add_face(const View& view, const ProfilePiece& face,
 void SweptOutline::add_edge(const View& view, const ProfilePoint& before, const ProfilePoint& from,
                             const ProfilePiece* last, const ProfilePiece* next) noexcept {
   const double turn = before.along_r * from.along_z - before.along_z * from.along_r;
-  if (!(turn > kEdge && std::abs(view.lean) > kLeastLean && from.r > 0)) return;
+  if (!(turn > kEdgeSine && std::abs(view.lean) > kLeanAtLeast && from.r > 0)) return;
   const double out_r = (before.along_r - from.along_r) / turn,
                out_z = (before.along_z - from.along_z) / turn;
   const std::size_t begin = count_;
@@ -158,7 +158,7 @@ void SweptOutline::add_arc(const View& view, const ProfilePiece& arc, const Prof
   const std::size_t begin = count_;
   view.between(view.direction_of(-point_on(arc, 0).along_r),
                view.direction_of(-point_on(arc, 1).along_r),
-               arc.centre_r > 0 && std::abs(view.lean) > kLeastLean, [&](const View::Normal& n) {
+               arc.centre_r > 0 && std::abs(view.lean) > kLeanAtLeast, [&](const View::Normal& n) {
                  const double r = arc.centre_r + radius * n.r, z = arc.centre_z + radius * n.a;
                  add(n.of, r * n.r + z * n.a - kBeforeFaces, 1, view.touches(n, r, z).along, 0);
                });
@@ -172,12 +172,17 @@ void SweptOutline::join(std::size_t begin, const ProfilePiece* last,
   if (count_ > begin) lines_[begin].face = line_of(last), lines_[count_ - 1].face = line_of(next);
 }
 
+SweptOutline::Axes SweptOutline::axes_of(const Vec3& along) noexcept {
+  const double across = std::sqrt(along.x() * along.x() + along.y() * along.y()), lean = along.z();
+  const Vec3 feed(along.x() / across, along.y() / across, 0);
+  return {Vec3(feed.y(), -feed.x(), 0), Vec3(-lean * feed.x(), -lean * feed.y(), across), along};
+}
+
 bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& along) noexcept {
   count_ = face_count_ = 0;
   const double across = std::sqrt(along.x() * along.x() + along.y() * along.y()), lean = along.z();
-  if (across < kLeastAcross) return false;
-  const Vec3 feed(along.x() / across, along.y() / across, 0);
-  axes_ = {Vec3(feed.y(), -feed.x(), 0), Vec3(-lean * feed.x(), -lean * feed.y(), across), along};
+  if (across < kAcrossAtLeast) return false;
+  axes_ = axes_of(along);
   const View view{across, lean};
   const auto next_of = [&](std::size_t i) {
     return i + 1 < outline.size() ? &outline[i + 1] : nullptr;
@@ -192,14 +197,14 @@ bool SweptOutline::draw(const std::vector<ProfilePiece>& outline, const Vec3& al
     if (piece.kind == ProfilePiece::Kind::kArc) add_arc(view, piece, last, next_of(i));
     before = point_on(piece, 1);
   }
-  lines_[count_] = {0, 0, kNowhere, 0, 0, false, false, -1};  // of a pair
+  lines_[count_] = {0, 0, kNoLine, 0, 0, false, false, -1};  // of a pair
   return count_ < kMostLines && face_count_ < kMostFaces;
 }
 
 SweptOutline::Sample SweptOutline::at(const Float4& l, const Float4& h) const noexcept {
   const Float4 beside = magnitude(l);
   // By two halves, so that one needn't wait for the other.
-  Float4 least_one[2] = {all4(kNowhere), all4(kNowhere)};
+  Float4 least_one[2] = {all4(kNoLine), all4(kNoLine)};
   Int4 nearest[2] = {};
   for (std::size_t i = 0; i < count_; i += 2)
     for (std::size_t k = 0; k < 2; ++k) {

@@ -20,6 +20,8 @@ class SweptOutline {
     Vec3 beside, up, along;
   };
 
+  // Of a bur that moves along a unit vector (B), not along its axis.
+  static Axes axes_of(const Vec3& along) noexcept;
   // Of a bur that moves along a unit vector (B). Whether there is an outline: along its axis there is none.
   bool draw(const std::vector<ProfilePiece>& outline, const Vec3& along) noexcept;
   const Axes& axes() const { return axes_; }

@@ -3,24 +3,14 @@
 #include <algorithm>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/grinding/commit_bricks.h"
 #include "toothprep/step/tooth/extended_labels.h"
 
 namespace toothprep {
 namespace {
 
 constexpr std::size_t kMostSpareBricks = 8192;
-constexpr double kCommitted = 160;  // mm² of a cut's surface: as much as a crown's
-constexpr int kLabelMargin = 2;     // voxels that labels are extended into the air
-
-// Takes bricks and gives them back, so that the system commits their memory here and not in a step, which
-// would pay for a page as much as for carving ten bricks. `cut`: nothing but its background.
-void commit_bricks(LevelSet& cut, std::size_t count) {
-  for (std::size_t b = 0; b < count; ++b) cut.writable_brick(b);
-  for (std::size_t b = 0; b < count; ++b) {
-    cut.put_constant(b, Workpiece::kAllCut);
-    cut.set_uniform(b, cut.background());
-  }
-}
+constexpr int kLabelMargin = 2;  // voxels that labels are extended into the air
 
 }  // namespace
 
@@ -46,9 +36,7 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
   // A cut carves the bricks of one head, a few thousand at the finest voxels.
   spare_bricks_ = std::min<std::size_t>(not_void, kMostSpareBricks);
   cut_.reserve(not_void + spare_bricks_);
-  const double brick_edge = kBrickEdge * voxel();  // mm
-  commit_bricks(cut_, std::min(spare_bricks_,
-                               static_cast<std::size_t>(kCommitted / (brick_edge * brick_edge))));
+  commit_bricks(cut_, voxel(), spare_bricks_);
   changed_ = ChangedBricks(cut_.table_size());
 
   // Per brick: a bit for each label in it, and whether it is inside as a whole.
