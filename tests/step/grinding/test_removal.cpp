@@ -211,8 +211,8 @@ TEST(BricksOfACut, AreInMemoryBeforeTheFirstStepTakesThem) {
   Workpiece first(tooth), second(tooth);
   long faults = 0;
   for (Workpiece* workpiece : {&first, &second}) {
-    const long before = page_faults();
     Removal removal(bur, *workpiece, at(0, -2, -1.5));
+    const long before = page_faults();
     removal.clear(at(0, -2, -1.5));
     for (double x = 0; x < 1; x += 0.002) step(removal, at(x, -2, -1.5));
     faults = page_faults() - before;
