@@ -73,7 +73,7 @@ void ContactSet::clear() noexcept {
   if (nonlinear_) nonlinear_->clear();
   if (advancing_ > 0) sums_ = {};
   count_ = advancing_ = 0;
-  responded_.reset(), measured_.reset();
+  asked_.reset(), responded_.reset(), measured_.reset();
 }
 
 void ContactSet::add_advancing(const Sums& sums, int elements, int tissue, bool turns) noexcept {
@@ -197,36 +197,19 @@ GrindingResponse ContactSet::response(const Vec3& v, const Vec3& omega, double r
                     : linear_response(v, omega);
 }
 
-namespace {
-
 // The entries of a set, one array each.
-struct Entries {
+struct ContactEntries {
   const float *nx, *ny, *nz, *mx, *my, *mz, *qx, *qy, *qz, *torque;
   int count;
   float least;
 };
 
-// Which of them advance. Where the handle doesn't turn m isn't read: it would add nothing.
-template <bool kTurns>
-AdvancingSet advancing(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o) {
-  const float vx = v.x(), vy = v.y(), vz = v.z(), ox = o.x(), oy = o.y(), oz = o.z();
-  const float *nx = e.nx, *ny = e.ny, *nz = e.nz, *mx = e.mx, *my = e.my, *mz = e.mz;
-  std::int32_t count = 0, places = 0;
-  const int n = e.count;
-  const float least = e.least;
-#pragma omp simd reduction(+ : count, places)
-  for (int i = 0; i < n; ++i) {
-    float s = nx[i] * vx + ny[i] * vy + nz[i] * vz;
-    if constexpr (kTurns) s = s + mx[i] * ox + my[i] * oy + mz[i] * oz;
-    count += s > least ? 1 : 0;
-    places += s > least ? i : 0;
-  }
-  return {count, places};
-}
+namespace {
 
-// The same, a bit for each, by fours. Whether any is another than it was.
+// Which of them advance: a bit for each, by fours. Where the handle doesn't turn m isn't read: it would add nothing. Whether
+// any is another than it was.
 template <bool kTurns>
-bool mark_advancing(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o,
+bool mark_advancing(const ContactEntries& e, const Eigen::Vector3f& v, const Eigen::Vector3f& o,
                     std::uint8_t* marks) {
   int changed = 0;
   for (int i = 0; i < e.count; i += 4) {
@@ -241,7 +224,7 @@ bool mark_advancing(const Entries& e, const Eigen::Vector3f& v, const Eigen::Vec
 }
 
 // B and b of those that advance, added up in their order, and which these are.
-GrindingResponse respond(const Entries& e, const std::uint8_t* marks) {
+GrindingResponse respond(const ContactEntries& e, const std::uint8_t* marks) {
   Float4 bx{}, by{}, bz{}, torque{};  // rows of B, and b
   Int4 count{}, places{};
   for (int i = 0; i < e.count; i += 4) {
@@ -270,23 +253,34 @@ GrindingResponse respond(const Entries& e, const std::uint8_t* marks) {
 
 }  // namespace
 
+ContactEntries ContactSet::entries(float least) const noexcept {
+  return {nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
+          qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least};
+}
+
 void ContactSet::note_advancing(const Vec3& v, const Vec3& omega, float least) const noexcept {
-  const Entries e{nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
-                  qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least};
+  const Question question{v, omega, least, count_};
+  if (asked_ == question) return;
+  asked_ = question;
+  const ContactEntries e = entries(least);
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   const bool changed = omega.squaredNorm() > 0 ? mark_advancing<true>(e, vf, of, advances_.data())
                                                : mark_advancing<false>(e, vf, of, advances_.data());
   if (std::exchange(marked_, count_) != count_ || changed) responded_.reset(), measured_.reset();
 }
 
-GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) const noexcept {
-  const Entries e{nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
-                  qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least_};
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
+const GrindingResponse& ContactSet::response_of_entries(const Vec3& v,
+                                                        const Vec3& omega) const noexcept {
   note_advancing(v, omega, least_);
-  if (!responded_) responded_ = respond(e, advances_.data());
-  GrindingResponse r = *responded_;
+  if (!responded_) responded_ = respond(entries(least_), advances_.data());
+  return *responded_;
+}
+
+GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) const noexcept {
+  GrindingResponse r = response_of_entries(v, omega);
   if (omega.squaredNorm() > 0) {
+    const ContactEntries e = entries(least_);
+    const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
     const float vx = vf.x(), vy = vf.y(), vz = vf.z(), ox = of.x(), oy = of.y(), oz = of.z();
     float f0 = 0, f1 = 0, f2 = 0, torque0 = 0;
 #pragma omp simd reduction(+ : f0, f1, f2, torque0)
@@ -305,16 +299,9 @@ GrindingResponse ContactSet::linear_response(const Vec3& v, const Vec3& omega) c
 }
 
 AdvancingSet ContactSet::advancing_set(const Vec3& v, const Vec3& omega) const noexcept {
-  AdvancingSet set = advancing_of_entries(v, omega);
+  AdvancingSet set = response_of_entries(v, omega).set;
   set.count += advancing_;
   return set;
-}
-
-AdvancingSet ContactSet::advancing_of_entries(const Vec3& v, const Vec3& omega) const noexcept {
-  const Entries e{nx_.data(), ny_.data(), nz_.data(), mx_.data(),     my_.data(), mz_.data(),
-                  qx_.data(), qy_.data(), qz_.data(), torque_.data(), count_,     least_};
-  const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
-  return omega.squaredNorm() > 0 ? advancing<true>(e, vf, of) : advancing<false>(e, vf, of);
 }
 
 PerTissue<double> ContactSet::advancing_area(const Vec3& v, const Vec3& omega) const noexcept {

@@ -36,6 +36,8 @@
 
 namespace toothprep {
 
+struct ContactEntries;
+
 class ContactSet {
  public:
   // Room for `capacity` elements; the law of each tissue (validated by the caller). With
@@ -99,8 +101,10 @@ class ContactSet {
 
  private:
   void put(const Element& element, float tangential, float normal) noexcept;
+  ContactEntries entries(float least) const noexcept;
   void note_advancing(const Vec3& v, const Vec3& omega, float least) const noexcept;
-  AdvancingSet advancing_of_entries(const Vec3& v, const Vec3& omega) const noexcept;
+  // B and b of the entries that advance, and which these are.
+  const GrindingResponse& response_of_entries(const Vec3& v, const Vec3& omega) const noexcept;
   GrindingResponse linear_response(const Vec3& v, const Vec3& omega) const noexcept;
   void add_sums(const Vec3& omega, GrindingResponse& response) const noexcept;
 
@@ -116,6 +120,13 @@ class ContactSet {
   // of these depend on: a bit for each, by fours, that was asked about last, and what was found of them. So
   // a set is not for several threads, not even to be read.
   mutable std::vector<std::uint8_t> advances_;
+  struct Question {
+    Vec3 v, omega;
+    float least;
+    int count;  // of entries
+    bool operator==(const Question&) const = default;
+  };
+  mutable std::optional<Question> asked_;
   mutable int marked_ = 0;  // of so many entries
   mutable std::optional<GrindingResponse> responded_;
   mutable std::optional<PerTissue<float>> measured_;

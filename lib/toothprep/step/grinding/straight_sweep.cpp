@@ -75,8 +75,12 @@ bool StraightSweep::was_over(const Bur& bur, const Vec3& place, double depth) co
   double low = 0, high = 1, a = high - kGolden, b = low + kGolden;
   double at_a = distance(a), at_b = distance(b);
   if (std::min(distance(low), distance(high)) < -depth) return true;
+  const double length = std::sqrt(length2);
   for (int n = 0; n < kSections; ++n) {
-    if (std::min(at_a, at_b) < -depth) return true;
+    const double so_far = std::min(at_a, at_b);
+    if (so_far < -depth) return true;
+    // It changes no faster than the place.
+    if (so_far - (high - low) * length > -depth) return false;
     if (at_a < at_b) {
       high = b, b = a, at_b = at_a;
       a = high - kGolden * (high - low), at_a = distance(a);
