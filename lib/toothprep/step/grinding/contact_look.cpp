@@ -46,6 +46,13 @@ Float4 range_in_band(const Float4& value, const Float4& range, float corner,
   return at_border ? greatest(range, all4(corner)) : range;
 }
 
+// Of the way, until what is a gap (mm) away is met that comes so much nearer per mm of it: a wall along which the bur moves
+// comes no nearer, as far as the cell of the lattice goes.
+Float4 way_beside(const Float4& gap, const Float4& nears, const Workpiece& workpiece) {
+  return least(kStands * (gap + kLeastExtent) / greatest(nears, all4(kLeastExtent)),
+               all4(kAsideVoxels * static_cast<float>(workpiece.voxel())));
+}
+
 }  // namespace
 
 struct ContactModel::Look {
@@ -61,9 +68,10 @@ struct ContactModel::Look {
   Int4 live;                            // within the box, and not in air
   Float4 value, extent, along, around;  // of the cut at the surface, and its half ranges, mm
   Float4 ahead_value;                   // of the cut, not taken back to the surface
-  Float4 rate;                          // of its change along the motion, per mm
+  Float4 rate;                          // by which it changes along the motion, per mm
   Int4 remains;                         // -1: not all of it is void
   Float4 clear;                         // mm: the next wall is at least so far away
+  Float4 stands;                        // and isn't met on so much of the way, mm
   float left[kPieces];                  // as left_
 
   // Half the ranges over the elements of a field with gradient g (per mm, B).
@@ -72,6 +80,10 @@ struct ContactModel::Look {
   }
   Float4 range_around(const FourSamples& g) const {
     return magnitude(g.gx * tx + g.gy * ty) * half_around;
+  }
+  // By how much a field with gradient g (per voxel) changes along the motion, per mm.
+  Float4 rate_along(const FourSamples& g) const {
+    return g.gx * unit_x + g.gy * unit_y + g.gz * unit_z;
   }
 };
 
@@ -82,11 +94,8 @@ void ContactModel::look(const Scan& scan, const std::int32_t* elements, int coun
   s.elements = elements, s.count = count;
   locate(scan, s);
   const Float4 clear_of = s.extent + s.sag;  // a wall may bend towards the element's corners
-  // A wall along which the bur moves comes no nearer, as far as the cell of the lattice goes.
   const Float4 gap = s.value - clear_of,
-               aside = least(kStands * (gap + kLeastExtent) / greatest(s.rate, all4(kLeastExtent)),
-                             all4(kAsideVoxels * static_cast<float>(workpiece.voxel())));
-  const Float4 left = greatest(kStands * gap, aside);
+               left = greatest(kStands * gap, way_beside(gap, magnitude(s.rate), workpiece));
   s.remains = s.live & (s.value < clear_of);
   for (int p = 0; p < count; ++p)
     if (s.live[p] && !s.remains[p] && (floor_at_edge(scan, p, s) || corner_in_tissue(scan, p, s)))
@@ -187,7 +196,7 @@ void ContactModel::locate(const Scan& scan, Look& s) noexcept {
   s.ahead_value = cut.value;
   s.value = cut.value - cut.gx * (kTakenBack * ahead_x) - cut.gy * (kTakenBack * ahead_y) -
             cut.gz * (kTakenBack * ahead_z);
-  s.rate = magnitude(cut.gx * s.unit_x + cut.gy * s.unit_y + cut.gz * s.unit_z);
+  s.rate = s.rate_along(cut);
   const FourSamples in_bur = f.gradients(cut);
   s.along = s.range_along(in_bur), s.around = s.range_around(in_bur);
   s.extent = kSlack * (s.along + s.around);
@@ -245,6 +254,7 @@ void ContactModel::look_for_tissue(const Scan& scan, int p, Look& s) noexcept {
 
 // The next wall of those in which the bur's own last cut may hide one.
 void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
+  s.stands = kStands * s.clear;
   const Int4 hidden = s.remains & (s.value <= -s.extent) & (s.clear < 0);
   if (!any(hidden)) return;
   const float farther = static_cast<float>(look_ahead_) - scan.reach, reach = scan.reach;
@@ -257,10 +267,13 @@ void ContactModel::look_farther(const Scan& scan, Look& s) noexcept {
   const FourPlaces at(place.x, place.y, place.z);
   FourCells cells;
   cells.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(), hidden);
-  const FourSamples cut = f.gradients(cells.at(at.fx, at.fy, at.fz));
-  const Float4 clear =
-      least(-s.extent - s.value, -cut.value - kSlack * (s.range_along(cut) + s.range_around(cut)));
-  s.clear = hidden ? clear : s.clear;
+  const FourSamples sample = cells.at(at.fx, at.fy, at.fz), cut = f.gradients(sample);
+  const Float4 here = -s.extent - s.value,
+               there = -cut.value - kSlack * (s.range_along(cut) + s.range_around(cut));
+  s.clear = hidden ? least(here, there) : s.clear;
+  const Float4 beside = least(way_beside(here, s.rate, scan.workpiece),
+                              way_beside(there, s.rate_along(sample), scan.workpiece));
+  s.stands = hidden ? greatest(kStands * s.clear, beside) : s.stands;
 }
 
 // The samples at the corners of one of them.
@@ -366,7 +379,7 @@ void ContactModel::note_found(const Scan& scan, int p, const Look& s) noexcept {
   if (in_one_tissue && value <= -extent - wall_stands_out && clear >= 0 &&
       !corner_in_void(scan, p, s)) {
     found_[i] = Found::kInside;
-    left_[i] = std::min(left_[i], kStands * clear);
+    left_[i] = std::min(left_[i], s.stands[p]);
     return;
   }
   found_[i] = Found::kCrossed;
