@@ -530,7 +530,7 @@ void ContactModel::leave_out_where_it_was(const Scan& scan, const Pieces& pieces
                  at(pieces.z, p) + along * at(pieces.lz, p) + down * at(pieces.nz, p));
     const auto was_over = [&](const Been& been) {
       const Vec3 there = been.turn * x + been.way;
-      return bur_.distance(std::hypot(there.x(), there.y()), there.z()) < -kInside;
+      return bur_.distance(there.head<2>().norm(), there.z()) < -kInside;
     };
     if (std::any_of(been_.begin(), been_.end(), was_over) ||
         (scan.retraced && scan.retraced->was_over(bur_, sampled_pose_.to_world(x), kInside)))

@@ -47,8 +47,9 @@ void for_deep_voxels(const Bur& bur, const Workpiece& workpiece, const Pose& pos
           const std::uint8_t label = its_labels[at];
           if (label == 0 || is_cut[at] > 0) continue;
           const Vec3 b = to_bur * (Vec3(x, y, z) - tip);
-          if (b.z() < lowest || b.head<2>().squaredNorm() > widest * widest) continue;
-          const double d = bur.distance(std::hypot(b.x(), b.y()), b.z());
+          const double square = b.head<2>().squaredNorm();
+          if (b.z() < lowest || square > widest * widest) continue;
+          const double d = bur.distance(std::sqrt(square), b.z());
           if (!(d < -depth)) {
             // A distance changes by no more than the way, so the next ones aren't deep either.
             const int more = static_cast<int>(

@@ -62,7 +62,7 @@ bool StraightSweep::was_over(const Bur& bur, const Vec3& place, double depth) co
              middle(0, 0, 0.5 * bur.head_length());
   const auto distance = [&](double t) {
     const Vec3 x = start - t * move;
-    return bur.distance(std::hypot(x.x(), x.y()), x.z());
+    return bur.distance(x.head<2>().norm(), x.z());
   };
   // Nearest to a ball around the head.
   const double length2 = move.squaredNorm();
