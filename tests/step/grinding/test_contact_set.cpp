@@ -96,6 +96,36 @@ TEST(ContactSet, TheSetOfAVelocityTellsWhichElementsAdvance) {
   EXPECT_EQ(set.response(Vec3(1, 0, 0), Vec3::Zero(), 1).B.norm(), 0);
 }
 
+TEST(ContactSet, AnswersAsANewOneDoesWhateverItWasAskedBefore) {
+  const auto fill = [](ContactSet& set, double turned) {
+    for (int k = 0; k < 7; ++k) {
+      ContactSet::Element e = facing_x();
+      const double angle = turned + 0.9 * k;
+      e.nx = static_cast<float>(std::cos(angle)), e.ny = static_cast<float>(std::sin(angle));
+      set.add(e, tissue_index(k % 2 ? Tissue::kDentin : Tissue::kEnamel), 0.5f);
+    }
+  };
+  const Vec3 asked[] = {{1, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-1, 0.2, 0}, {1, 0, 0}};
+  for (const bool trailing : {false, true}) {
+    ContactSet set(8, tissues(), trailing);
+    for (const double turned : {0.0, 0.5}) {  // as many elements, other ones
+      set.clear();
+      fill(set, turned);
+      for (const Vec3& v : asked) {
+        ContactSet anew(8, tissues(), trailing);
+        fill(anew, turned);
+        EXPECT_TRUE(set.advancing_set(v, Vec3::Zero()) == anew.advancing_set(v, Vec3::Zero()));
+        EXPECT_EQ(set.advancing_area(v, Vec3::Zero()), anew.advancing_area(v, Vec3::Zero()));
+        EXPECT_EQ(set.response(v, Vec3::Zero(), 1).B, anew.response(v, Vec3::Zero(), 1).B);
+      }
+      ContactSet::Element e = facing_x();
+      set.add(e, tissue_index(Tissue::kEnamel), 1);
+      EXPECT_GT(set.advancing_area(asked[4], Vec3::Zero())[tissue_index(Tissue::kEnamel)],
+                e.area * 0.99);
+    }
+  }
+}
+
 TEST(ContactSet, TheBasisAddsUpToTheForce) {
   PerTissue<GrindingProperties> ones{};
   for (auto& t : ones) t = {1, 1};
