@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <utility>
 
 #include "toothprep/step/core/units.h"
 
@@ -261,12 +260,13 @@ ContactEntries ContactSet::entries(float least) const noexcept {
 void ContactSet::note_advancing(const Vec3& v, const Vec3& omega, float least) const noexcept {
   const Question question{v, omega, least, count_};
   if (asked_ == question) return;
+  const bool others = !asked_ || asked_->count != count_;
   asked_ = question;
   const ContactEntries e = entries(least);
   const Eigen::Vector3f vf = v.cast<float>(), of = omega.cast<float>();
   const bool changed = omega.squaredNorm() > 0 ? mark_advancing<true>(e, vf, of, advances_.data())
                                                : mark_advancing<false>(e, vf, of, advances_.data());
-  if (std::exchange(marked_, count_) != count_ || changed) responded_.reset(), measured_.reset();
+  if (others || changed) responded_.reset(), measured_.reset();
 }
 
 const GrindingResponse& ContactSet::response_of_entries(const Vec3& v,

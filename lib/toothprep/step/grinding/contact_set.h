@@ -127,7 +127,6 @@ class ContactSet {
     bool operator==(const Question&) const = default;
   };
   mutable std::optional<Question> asked_;
-  mutable int marked_ = 0;  // of so many entries
   mutable std::optional<GrindingResponse> responded_;
   mutable std::optional<PerTissue<float>> measured_;
   std::optional<NonlinearContact> nonlinear_;  // then the rest is empty
