@@ -437,19 +437,19 @@ TEST(OverlappingPasses, RestingOrTurningAboutItsOwnAxisInItsSlotABurFeelsNothing
 // part of a ring that lies in the block and in no ring before, counted on a grid.
 struct Arcs {
   const char* bur;
-  double depth;           // mm
-  std::vector<double> r;  // mm
-  double speed = 8;       // mm/s
-  double lean = 0;        // rad, towards the arc's centre: then the handle turns with the way
-  double across = 0, along = 0;  // rad, as upright_leant: the same all along the arcs
+  double depth;                  // mm
+  std::vector<double> r;         // mm
+  double speed = 8;              // mm/s
+  double across = 0, along = 0;  // rad, as upright_leant in the middle of the arcs
+  bool turns = false;  // the handle, with the way; or else the bur leans the same way all along
 };
 constexpr double kArcCentre = -2.2;  // z of the axis, mm
 constexpr double kWidest = 1.4;      // mm that any of these burs reaches beside its tip's way
 
 Pose pose_on(const Arcs& a, double r, double angle) {
-  const double turn = a.lean == 0 ? 0 : angle;
+  const double turn = a.turns ? angle : 0;
   const Quat leant =
-      Quat(Eigen::AngleAxisd(turn, Vec3::UnitY())) * upright_leant(a.lean + a.across, a.along);
+      Quat(Eigen::AngleAxisd(turn, Vec3::UnitY())) * upright_leant(a.across, a.along);
   const Vec3 upright(r * std::sin(angle), -a.depth, kArcCentre + r * std::cos(angle));
   // A ball that leans has its middle where it was.
   return {upright + 0.6 * (Vec3::UnitY() - leant * Vec3::UnitZ()), leant};
@@ -482,8 +482,9 @@ double distance_from_arc(const Arcs& a, const Bur& bur, double r, const Vec3& pl
 }
 
 std::vector<double> energy_of(const Arcs& a) {
-  const bool rings = a.across == 0 && a.along == 0;  // or else the section isn't symmetric
-  const double h = rings ? 0.02 : 0.025;             // divides the block
+  // Or else the section isn't symmetric; of what turns with the way only balls lean.
+  const bool rings = a.turns || (a.across == 0 && a.along == 0);
+  const double h = rings ? 0.02 : 0.025;  // divides the block
   const Bur bur = make_bur(a.bur, "");
   const double below = rings ? 0 : bur.max_radius();  // how far a rim may be below the tip
   std::vector<double> energy(a.r.size());
@@ -533,7 +534,7 @@ std::vector<double> work_of(const Arcs& a, double voxel) {
 void expect_right_along(const Arcs& a, const std::vector<double>& energy, double voxel,
                         double of_pass, double of_slot) {
   const std::vector<double> work = work_of(a, voxel);
-  std::printf("%-20s along arcs, %.2f mm, lean %.2f:", a.bur, voxel, a.lean);
+  std::printf("%-20s along arcs, %.2f mm, leant %.2f, %.2f:", a.bur, voxel, a.across, a.along);
   for (std::size_t i = 0; i < energy.size(); ++i) {
     std::printf("  r %.2f mm %.4f (%+.2f %%)", a.r[i], work[i] / energy[i],
                 100 * (work[i] - energy[i]) / energy[0]);
@@ -563,7 +564,7 @@ TEST(OverlappingPasses, AlongArcsAreNearlyRightForABurThatLeansTheSameWayAllAlon
   for (const Leaning l : {Leaning{"cylinder:D1.2xL4.0", 0.3, 0.2},
                           {"taper:D1.4xL4.0xA4", 0.2, -0.35},
                           {"inverted-cone:D1.2xL2.0xA8", -0.1, 0.2}}) {
-    const Arcs arcs{l.bur, 0.5, {2.0, 2.25, 1.94}, 4, 0, l.across, l.along};
+    const Arcs arcs{l.bur, 0.5, {2.0, 2.25, 1.94}, 4, l.across, l.along};
     const std::vector<double> energy = energy_of(arcs);
     expect_right_along(arcs, energy, 0.1, 0.01, 0.0025);
     expect_right_along(arcs, energy, 0.05, 0.003, 0.0032);
@@ -578,7 +579,8 @@ TEST(OverlappingPasses, ThinChipsAlongArcsHaveTheirEnergy) {
       if (voxel < 0.07 && std::abs(aside) > 0.05) continue;
       const double of_pass = voxel > 0.07 ? 0.01 : 0.003, of_slot = voxel > 0.07 ? 0.002 : 0.0005;
       const auto expect_right = [&](const char* bur, double depth, double lean) {
-        expect_right_along({bur, depth, {2.0, 2.0 + aside}, 2, lean}, voxel, of_pass, of_slot);
+        expect_right_along({bur, depth, {2.0, 2.0 + aside}, 2, lean, 0, lean != 0}, voxel, of_pass,
+                           of_slot);
       };
       expect_right("ball:D1.2", 0.5, 0);
       expect_right("ball:D1.2", 0.5, 0.1);
