@@ -28,6 +28,8 @@ constexpr double kInsideSweep = 0.002;
 
 // So far ahead (voxels) it is looked at how a share changes on the way.
 constexpr float kOnWay = 0.1f;
+// Walls along the motion rise by less than this (sine).
+constexpr float kAlongWalls = 0.3f;
 // Over a piece a border is straight if it is off by less than this (voxels) at its corners.
 constexpr float kStraightBorder = 0.01f;
 // How one part's depth may rise above another's, over the way; by less than this (voxels) doesn't count. By how much more
@@ -35,10 +37,10 @@ constexpr float kStraightBorder = 0.01f;
 constexpr float kMayRise = -2, kSameDepth = 0.005f, kMayBend = 1.5f;
 constexpr float kToCorner = 0.75f;  // of both halves of a piece together
 constexpr float kNothing = -1e3f;
+// Parts that are longer than this (mm) are known even where the pass under way has been alone.
+constexpr double kLong = 1;
 // One pass skips no more than so many numbers: short parts that no point of the lattice has.
 constexpr SweepHistory::Number kNext = 3;
-// Parts that are longer than this (mm) are known even where there is but one pass.
-constexpr double kLong = 1;
 // Where parts don't tell they aren't looked for again for so much of the way (voxels): ahead of pieces, at one place.
 constexpr double kNoPartsAhead = 1, kNoPartsHere = 0.5;
 // A border moves on for so much of the way (voxels), or until a share has changed by so much.
@@ -122,7 +124,7 @@ const KnownSweep* ContactModel::known(const Scan& scan,
 
 // The parts that cut the lattice's points around some places: met, found to tell, and drawn.
 struct ContactModel::NearSweeps {
-  static constexpr int kMost = 12;
+  static constexpr int kMost = 20;
   const ContactModel& model;
   const Scan& scan;
   int count = 0;
@@ -142,25 +144,25 @@ struct ContactModel::NearSweeps {
         known[p] = 0;
   }
 
-  // Whether they tell more than the lattice's values, which of one pass that bends evenly tell all.
+  // Whether they tell more than the lattice's values, which of the pass under way tell all where it bends evenly. Not where
+  // there are none, or more than there is room for.
   bool tell() noexcept {
-    if (count == 0) return false;
-    std::sort(numbers, numbers + count);
-    bool one_pass = true, all_long = true;
+    if (count == 0 || !add_between()) return false;
+    bool all_long = true, under_way = is_one_pass(numbers[count - 1], scan.history->latest());
     for (int k = 0; k < count; ++k) {
       const StraightSweep* const part = scan.history->find(numbers[k]);
       if (!part) return false;
       all_long &= part->way.squaredNorm() > kLong * kLong;
-      one_pass = one_pass && (k == 0 || is_one_pass(numbers[k - 1], numbers[k]));
+      under_way = under_way && (k == 0 || is_one_pass(numbers[k - 1], numbers[k]));
     }
-    return !one_pass || all_long;
+    return !under_way || all_long;
   }
   bool is_one_pass(SweepHistory::Number from, SweepHistory::Number to) const noexcept {
     if (to - from > kNext) return false;
     const StraightSweep* before = scan.history->find(from);
-    for (SweepHistory::Number n = from + 1; n <= to; ++n) {
+    for (SweepHistory::Number n = from + 1; before && n <= to; ++n) {
       const StraightSweep* const part = scan.history->find(n);
-      if (!part->follows(*before)) return false;
+      if (!part || !part->follows(*before)) return false;
       before = part;
     }
     return true;
@@ -270,10 +272,9 @@ struct ContactModel::NearSweeps {
              sweeps[k + 1]->sweep().goes_on;
     };
     for (int k = count; k-- > 0;)
-      if (starts[k] && has_before(k) && (!sweeps[k]->may_end() || has_after(k))) kept[k] = false;
+      if (starts[k] && has_before(k)) kept[k] = false;
     for (int k = 0; k < count; ++k)
-      if (kept[k] && ends[k] && has_after(k) && (!sweeps[k]->may_start() || has_before(k)))
-        kept[k] = false;
+      if (kept[k] && ends[k] && has_after(k)) kept[k] = false;
   }
   void keep(const bool (&kept)[kMost]) noexcept {
     int left = 0;
@@ -281,6 +282,19 @@ struct ContactModel::NearSweeps {
       if (kept[k])
         numbers[left] = numbers[k], sweeps[left] = sweeps[k], deepest_[left++] = deepest_[k];
     count = left;
+  }
+  // Adds those between two of one pass, if they lean along the way: the lattice's points name none that is deepest only
+  // between them, where the end's lower edge was.
+  bool add_between() noexcept {
+    std::sort(numbers, numbers + count);
+    bool all = true;
+    for (int k = count; k-- > 1;)
+      if (numbers[k] - numbers[k - 1] <= kNext)
+        for (SweepHistory::Number n = numbers[k - 1] + 1; n < numbers[k]; ++n)
+          if (const StraightSweep* const part = scan.history->find(n); part && part->leans())
+            all &= add(n);
+    std::sort(numbers, numbers + count);
+    return all;
   }
   bool add(SweepHistory::Number number) noexcept {
     if (number <= 0) return false;
@@ -365,14 +379,24 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   };
   Int4 sure;  // that it isn't thinner than is known
   if (any(good & bent)) {
+    const float on_way = kOnWay * voxel;
     Float4 rises[Parts::kCount];
     Parts parts([&](int k, const Parts::Part& part) {
       const KnownSweep::Sample taken = near.at(beside(here, part.x, part.y));
       rises[k] = rise_of(taken);
+      // Where a part of the way ends in front of the piece, another one takes over.
+      if (any(good & (magnitude(rises[k]) > kAlongWalls))) {
+        const Place place = beside(here, part.x, part.y);
+        const Eigen::Vector3f later = on_way * s.unit;
+        rises[k] =
+            (1 / on_way) *
+            (near.at({scan.frame, place.x + later.x(), place.y + later.y(), place.z + later.z()})
+                 .value -
+             taken.value);
+      }
       return border_of_part(part, taken);
     });
     parts.cover(cut, good, kThinSlot * voxel, s);
-    const float on_way = kOnWay * voxel;
     const CoveredPart<Float4> later = parts.covered(on_way, rises);
     const float per_way = 1 / on_way;
     s.per_way = {per_way * (later.share - s.share), per_way * (later.x - s.x),

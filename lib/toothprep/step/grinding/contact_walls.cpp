@@ -79,7 +79,7 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   };
   const Float4 way = way_from_print(kFromPrint);
   const Int4 clear = way >= look_ahead;
-  const bool by_sweeps = scan.knows_parts() && !scan.farther;
+  const bool by_sweeps = scan.knows_parts();
   const bool by_slots = leaves_slots_ && (has_edges_ || cut.straight || slot_->edge().draws());
   if (has_edges_ || by_slots || by_sweeps) {
     const Float4 way_there = way_from_print(kGrooveFromPrint);

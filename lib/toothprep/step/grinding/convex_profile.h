@@ -27,7 +27,11 @@ class ConvexProfile {
       p.radius = f(std::hypot(piece.r0 - piece.centre_r, piece.z0 - piece.centre_z));
       p.to_r = f(to.along_z), p.to_z = f(-to.along_r);
     }
+    set_end();
   }
+
+  // As far from the axis as a flat end counts at a height z, mm: beyond that the face beside it is nearer. 0 if there is none.
+  Float4 end_radius(const Float4& z) const { return greatest(end_ - narrows_ * z, Float4{}); }
 
   struct Sample {
     Float4 value, by_r, by_z;  // mm, negative outside; its gradient
@@ -65,8 +69,21 @@ class ConvexProfile {
     bool is_arc;
     float centre_r, centre_z, radius, to_r, to_z;  // of an arc; the normal where it ends
   };
+  void set_end() noexcept {
+    if (count_ < 2 || pieces_[0].is_arc || !(pieces_[0].z < -kSquare)) return;
+    const Piece& next = pieces_[1];
+    const float along_r = -next.z, along_z = next.r;  // from the end on
+    if (next.is_arc)
+      end_ = next.centre_r;
+    else if (along_z > 0)
+      end_ = next.reach / along_z, narrows_ = (1 - along_r) / along_z;
+  }
+
+  static constexpr float kSquare = 0.9999f;  // of a flat end's normal
   std::array<Piece, kMost> pieces_{};
   std::size_t count_ = 0;
+  float end_ = 0,
+        narrows_ = 0;  // the end's radius, mm; and by how much it counts less far per height
 };
 
 }  // namespace toothprep

@@ -5,9 +5,10 @@
 namespace toothprep {
 namespace {
 
-constexpr float kUpright = 2e-4f;      // mm of way along the axis
-constexpr float kHardlyLeans = 0.05f;  // voxels of it
-constexpr float kNoRadius = 1e-6f;     // mm
+constexpr double kNoWay = 2e-4;         // mm
+constexpr float kHardlyLeans = 0.05f;   // voxels of it
+constexpr float kNoRadius = 1e-6f;      // mm
+constexpr float kInsideOfEdge = 1e-4f;  // mm
 
 }  // namespace
 
@@ -23,11 +24,12 @@ bool KnownSweep::set(const Bur& bur, const ConvexProfile& standing, const Straig
   const double way = sweep.way.norm();
   // Where the bur hardly moved any direction will do.
   const Vec3 along =
-      way > kUpright ? Vec3(sweep.from.orientation.conjugate() * sweep.way / way) : Vec3::UnitX();
+      way > kNoWay ? Vec3(sweep.from.orientation.conjugate() * sweep.way / way) : Vec3::UnitX();
   length_ = static_cast<float>(way);
   lean_ = static_cast<float>(along.z());
+  square_ = static_cast<float>(std::hypot(along.x(), along.y()));
   const float on_axis = std::abs(lean_ * length_);
-  leans_ = on_axis < kUpright                                         ? Leans::kNot
+  leans_ = !sweep.leans()                                             ? Leans::kNot
            : on_axis < kHardlyLeans * voxel && std::abs(lean_) < 0.5f ? Leans::kHardly
                                                                       : Leans::kFar;
   known_ = leans_ != Leans::kFar || outline_.draw(bur.profile(), along);
@@ -60,15 +62,36 @@ KnownSweep::Sample KnownSweep::where_it_stood(const Float4& end, const Across& a
   return {b.value, gradient(0), gradient(1), gradient(2)};
 }
 
+// Where along the way the lower edge of a leaning flat end, which counts as far as `radius`, passes over places that are then
+// so high above that end.
+Float4 KnownSweep::edge_passes(const Across& at, const Float4& radius,
+                               const Float4& height) const noexcept {
+  const Float4 in_end = square_root(greatest(radius * radius - at.l * at.l, Float4{})),
+               along = square_ * in_end;
+  return at.way - lean_ * height + (lean_ < 0 ? along : -along);
+}
+
 KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4& z,
                                   Beyond* beyond_ends) const noexcept {
   const Across at{across(l_, x, y, z), across(h_, x, y, z), across(t_, x, y, z),
                   across(z_, x, y, z)};
   if (leans_ != Leans::kFar) {
-    if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
-    const Sample beside = where_it_stood(greatest(least(at.way, all4(length_)), Float4{}), at);
-    if (leans_ == Leans::kNot) return beside;
-    return deeper(beside, where_it_stood(all4(lean_ < 0 ? length_ : 0), at));
+    const auto on_way = [&](const Float4& way) {
+      return where_it_stood(greatest(least(way, all4(length_)), Float4{}), at);
+    };
+    const Sample beside = on_way(at.way);
+    if (leans_ == Leans::kNot) {
+      if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
+      return beside;
+    }
+    // The end is deepest where its lower edge passes.
+    const Float4 first = edge_passes(at, standing_->end_radius(Float4{}), Float4{}),
+                 height = at.axial - lean_ * first,
+                 under = edge_passes(at, standing_->end_radius(height) - kInsideOfEdge, height);
+    if (beyond_ends)
+      *beyond_ends = {-greatest(at.way, greatest(first, under)),
+                      least(at.way, least(first, under)) - length_};
+    return deeper(beside, on_way(under));
   }
   const SweptOutline::Sample s = outline_.at(at.l, at.h);
   const auto gradient = [&](int axis) { return s.by_l * l_[axis] + s.by_h * h_[axis]; };

@@ -39,9 +39,6 @@ class KnownSweep {
   };
   Sample at(const Float4& x, const Float4& y, const Float4& z,
             Beyond* beyond = nullptr) const noexcept;
-  // Whether its beginning, or its end, may be deepest even beside the way.
-  [[nodiscard]] bool may_start() const { return leans_ == Leans::kHardly && !(lean_ < 0); }
-  [[nodiscard]] bool may_end() const { return leans_ == Leans::kHardly && lean_ < 0; }
 
  private:
   static Float4 across(const float (&by)[4], const Float4& x, const Float4& y, const Float4& z) {
@@ -52,16 +49,18 @@ class KnownSweep {
     Float4 l, h, way, axial;
   };
   Sample where_it_stood(const Float4& end, const Across& at) const noexcept;
+  Float4 edge_passes(const Across& at, const Float4& radius, const Float4& height) const noexcept;
 
   StraightSweep sweep_;
   bool known_ = false;
   const ConvexProfile* standing_ = nullptr;
   SweptOutline outline_;  // unless the way is square to the axis
   SweptOutline::Axes axes_;
-  // The way against square to the axis: not at all; so little that where the bur is beside a place, or where it is deepest,
-  // tells; or so that its outline is drawn.
+  // The way against square to the axis: not at all; so little that where the bur is beside a place, or where its end passes
+  // there, tells; or so that its outline is drawn.
   enum class Leans { kNot, kHardly, kFar } leans_ = Leans::kNot;
-  float length_ = 0, lean_ = 0;  // of the way, mm; how much of it goes along the axis
+  float length_ = 0;             // of the way, mm
+  float lean_ = 0, square_ = 1;  // how much of it goes along the axis, and square to it
   // Across the way and along it, and along the bur's axis, mm: of places (voxels) from a base, and of the base.
   float l_[4], h_[4], t_[4], z_[4];
 };

@@ -15,6 +15,7 @@ double moved_by_lean(const Bur& bur, const Pose& from, const Pose& to) {
 
 constexpr double kSameWay = 0.999,  // cosine
     kHardlyBends = 0.96;            // and squared
+constexpr double kUpright = 2e-4;   // mm of way along the axis
 
 }  // namespace
 
@@ -55,6 +56,10 @@ bool StraightSweep::follows(const StraightSweep& before) const noexcept {
   const double along = way.dot(before.way);
   return goes_on && along > 0 &&
          along * along > kHardlyBends * way.squaredNorm() * before.way.squaredNorm();
+}
+
+bool StraightSweep::leans() const noexcept {
+  return std::abs(way.dot(from.orientation * Vec3::UnitZ())) >= kUpright;
 }
 
 bool StraightSweep::was_over(const Bur& bur, const Vec3& place, double depth) const noexcept {

@@ -25,6 +25,8 @@ struct StraightSweep {
                               double aside) const noexcept;
   // Whether it goes on from the part before it with hardly a bend.
   [[nodiscard]] bool follows(const StraightSweep& before) const noexcept;
+  // Whether the way isn't square to the bur's axis, to 0.2 um.
+  [[nodiscard]] bool leans() const noexcept;
   // Whether the bur, which has a convex head, was over a place (W, mm) there, deeper than `depth` (mm).
   [[nodiscard]] bool was_over(const Bur& bur, const Vec3& place, double depth) const noexcept;
 };
