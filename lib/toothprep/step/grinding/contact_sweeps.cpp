@@ -272,9 +272,10 @@ struct ContactModel::NearSweeps {
              sweeps[k + 1]->sweep().goes_on;
     };
     for (int k = count; k-- > 0;)
-      if (starts[k] && has_before(k)) kept[k] = false;
+      if (starts[k] && has_before(k) && (!sweeps[k]->may_end() || has_after(k))) kept[k] = false;
     for (int k = 0; k < count; ++k)
-      if (kept[k] && ends[k] && has_after(k)) kept[k] = false;
+      if (kept[k] && ends[k] && has_after(k) && (!sweeps[k]->may_start() || has_before(k)))
+        kept[k] = false;
   }
   void keep(const bool (&kept)[kMost]) noexcept {
     int left = 0;

@@ -33,6 +33,10 @@ class ConvexProfile {
   // As far from the axis as a flat end counts at a height z, mm: beyond that the face beside it is nearer. 0 if there is none.
   Float4 end_radius(const Float4& z) const { return greatest(end_ - narrows_ * z, Float4{}); }
 
+  // Whether there is one, and whether it ends in a sharp edge.
+  bool has_end() const { return end_ > 0; }
+  bool has_sharp_end() const { return end_ > 0 && !pieces_[1].is_arc; }
+
   struct Sample {
     Float4 value, by_r, by_z;  // mm, negative outside; its gradient
   };

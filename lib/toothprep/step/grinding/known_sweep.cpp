@@ -84,14 +84,21 @@ KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4
       if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
       return beside;
     }
-    // The end is deepest where its lower edge passes.
+    // A flat end is deepest where its lower edge passes; an arc of the bur at the deeper end of so short a way, nearly.
+    const Sample at_end = standing_->has_sharp_end()
+                              ? beside
+                              : deeper(beside, where_it_stood(all4(lean_ < 0 ? length_ : 0), at));
+    if (!standing_->has_end()) {
+      if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
+      return at_end;
+    }
     const Float4 first = edge_passes(at, standing_->end_radius(Float4{}), Float4{}),
                  height = at.axial - lean_ * first,
                  under = edge_passes(at, standing_->end_radius(height) - kInsideOfEdge, height);
     if (beyond_ends)
       *beyond_ends = {-greatest(at.way, greatest(first, under)),
                       least(at.way, least(first, under)) - length_};
-    return deeper(beside, on_way(under));
+    return deeper(at_end, on_way(under));
   }
   const SweptOutline::Sample s = outline_.at(at.l, at.h);
   const auto gradient = [&](int axis) { return s.by_l * l_[axis] + s.by_h * h_[axis]; };

@@ -39,6 +39,13 @@ class KnownSweep {
   };
   Sample at(const Float4& x, const Float4& y, const Float4& z,
             Beyond* beyond = nullptr) const noexcept;
+  // Whether its beginning, or its end, may be deepest even beside the way.
+  [[nodiscard]] bool may_start() const {
+    return leans_ == Leans::kHardly && !(lean_ < 0) && !standing_->has_sharp_end();
+  }
+  [[nodiscard]] bool may_end() const {
+    return leans_ == Leans::kHardly && lean_ < 0 && !standing_->has_sharp_end();
+  }
 
  private:
   static Float4 across(const float (&by)[4], const Float4& x, const Float4& y, const Float4& z) {
