@@ -380,26 +380,22 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   };
   Int4 sure;  // that it isn't thinner than is known
   if (any(good & bent)) {
-    const float on_way = kOnWay * voxel;
+    const float on_way = kOnWay * voxel, per_way = 1 / on_way;
     Float4 rises[Parts::kCount];
     Parts parts([&](int k, const Parts::Part& part) {
-      const KnownSweep::Sample taken = near.at(beside(here, part.x, part.y));
+      const Place place = beside(here, part.x, part.y);
+      const KnownSweep::Sample taken = near.at(place);
       rises[k] = rise_of(taken);
       // Where a part of the way ends in front of the piece, another one takes over.
       if (any(good & (magnitude(rises[k]) > kAlongWalls))) {
-        const Place place = beside(here, part.x, part.y);
-        const Eigen::Vector3f later = on_way * s.unit;
-        rises[k] =
-            (1 / on_way) *
-            (near.at({scan.frame, place.x + later.x(), place.y + later.y(), place.z + later.z()})
-                 .value -
-             taken.value);
+        const Eigen::Vector3f on = on_way * s.unit;
+        const Place later{scan.frame, place.x + on.x(), place.y + on.y(), place.z + on.z()};
+        rises[k] = per_way * (near.at(later).value - taken.value);
       }
       return border_of_part(part, taken);
     });
     parts.cover(cut, good, kThinSlot * voxel, s);
     const CoveredPart<Float4> later = parts.covered(on_way, rises);
-    const float per_way = 1 / on_way;
     s.per_way = {per_way * (later.share - s.share), per_way * (later.x - s.x),
                  per_way * (later.y - s.y)};
     s.by_rates |= good;

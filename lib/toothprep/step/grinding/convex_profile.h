@@ -86,8 +86,7 @@ class ConvexProfile {
   static constexpr float kSquare = 0.9999f;  // of a flat end's normal
   std::array<Piece, kMost> pieces_{};
   std::size_t count_ = 0;
-  float end_ = 0,
-        narrows_ = 0;  // the end's radius, mm; and by how much it counts less far per height
+  float end_ = 0, narrows_ = 0;  // the end's radius, mm; so much less of it counts per height
 };
 
 }  // namespace toothprep

@@ -8,7 +8,7 @@ namespace {
 constexpr double kNoWay = 2e-4;         // mm
 constexpr float kHardlyLeans = 0.05f;   // voxels of it
 constexpr float kNoRadius = 1e-6f;      // mm
-constexpr float kInsideOfEdge = 1e-4f;  // mm
+constexpr float kInsideOfEdge = 1e-4f;  // mm; there the end's face tells, not the one beside it
 
 }  // namespace
 
@@ -71,34 +71,33 @@ Float4 KnownSweep::edge_passes(const Across& at, const Float4& radius,
   return at.way - lean_ * height + (lean_ < 0 ? along : -along);
 }
 
+KnownSweep::Sample KnownSweep::on_way(const Float4& way, const Across& at) const noexcept {
+  return where_it_stood(greatest(least(way, all4(length_)), Float4{}), at);
+}
+
+// As of a bur that hardly leans, where it is deepest because of that: a flat end where its lower edge passes, an arc of the
+// bur nearly at the deeper end of so short a way.
+KnownSweep::Sample KnownSweep::where_it_dips(const Across& at, Beyond* beyond) const noexcept {
+  const auto at_end = [&] { return where_it_stood(all4(lean_ < 0 ? length_ : 0), at); };
+  if (!standing_->has_end()) return at_end();
+  const Float4 first = edge_passes(at, standing_->end_radius(Float4{}), Float4{}),
+               height = at.axial - lean_ * first,
+               under = edge_passes(at, standing_->end_radius(height) - kInsideOfEdge, height);
+  if (beyond)
+    *beyond = {least(beyond->start, -greatest(first, under)),
+               least(beyond->end, least(first, under) - length_)};
+  const Sample by_edge = on_way(under, at);
+  return standing_->has_sharp_end() ? by_edge : deeper(at_end(), by_edge);
+}
+
 KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4& z,
                                   Beyond* beyond_ends) const noexcept {
   const Across at{across(l_, x, y, z), across(h_, x, y, z), across(t_, x, y, z),
                   across(z_, x, y, z)};
   if (leans_ != Leans::kFar) {
-    const auto on_way = [&](const Float4& way) {
-      return where_it_stood(greatest(least(way, all4(length_)), Float4{}), at);
-    };
-    const Sample beside = on_way(at.way);
-    if (leans_ == Leans::kNot) {
-      if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
-      return beside;
-    }
-    // A flat end is deepest where its lower edge passes; an arc of the bur at the deeper end of so short a way, nearly.
-    const Sample at_end = standing_->has_sharp_end()
-                              ? beside
-                              : deeper(beside, where_it_stood(all4(lean_ < 0 ? length_ : 0), at));
-    if (!standing_->has_end()) {
-      if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
-      return at_end;
-    }
-    const Float4 first = edge_passes(at, standing_->end_radius(Float4{}), Float4{}),
-                 height = at.axial - lean_ * first,
-                 under = edge_passes(at, standing_->end_radius(height) - kInsideOfEdge, height);
-    if (beyond_ends)
-      *beyond_ends = {-greatest(at.way, greatest(first, under)),
-                      least(at.way, least(first, under)) - length_};
-    return deeper(at_end, on_way(under));
+    if (beyond_ends) *beyond_ends = {-at.way, at.way - length_};
+    const Sample beside = on_way(at.way, at);
+    return leans_ == Leans::kNot ? beside : deeper(beside, where_it_dips(at, beyond_ends));
   }
   const SweptOutline::Sample s = outline_.at(at.l, at.h);
   const auto gradient = [&](int axis) { return s.by_l * l_[axis] + s.by_h * h_[axis]; };

@@ -56,6 +56,9 @@ class KnownSweep {
     Float4 l, h, way, axial;
   };
   Sample where_it_stood(const Float4& end, const Across& at) const noexcept;
+  // The same on the way.
+  Sample on_way(const Float4& way, const Across& at) const noexcept;
+  Sample where_it_dips(const Across& at, Beyond* beyond) const noexcept;
   Float4 edge_passes(const Across& at, const Float4& radius, const Float4& height) const noexcept;
 
   StraightSweep sweep_;
