@@ -388,8 +388,8 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
       rises[k] = rise_of(taken);
       // Where a part of the way ends in front of the piece, another one takes over.
       if (any(good & (magnitude(rises[k]) > kAlongWalls))) {
-        const Eigen::Vector3f on = on_way * s.unit;
-        const Place later{scan.frame, place.x + on.x(), place.y + on.y(), place.z + on.z()};
+        const Eigen::Vector3f step = on_way * s.unit;
+        const Place later{scan.frame, place.x + step.x(), place.y + step.y(), place.z + step.z()};
         rises[k] = per_way * (near.at(later).value - taken.value);
       }
       return border_of_part(part, taken);
