@@ -144,8 +144,8 @@ struct ContactModel::NearSweeps {
         known[p] = 0;
   }
 
-  // Whether they tell more than the lattice's values, which of the pass under way tell all where it bends evenly. Not where
-  // there are none, or more than there is room for.
+  // Whether they tell more than the lattice's values do. Of the pass under way these tell everything, where it bends evenly.
+  // False if no parts were met, or more than kMost.
   bool tell() noexcept {
     if (count == 0 || !add_between()) return false;
     bool all_long = true, under_way = is_one_pass(numbers[count - 1], scan.history->latest());
