@@ -208,7 +208,7 @@ void ContactModel::sample(const Workpiece& workpiece, const Pose& pose, const Ve
   scan.unit = scan.unit_of(scan.v, scan.speed);
   begin(scan, pose, way);
   scan.retraced = retraced_by(scan, pose.orientation * v);
-  ++sample_, drawn_ = 0;
+  ++sample_;
   look_along_way(scan);
   std::optional<AlongWay> farther;
   if (!scan.turning.isZero())

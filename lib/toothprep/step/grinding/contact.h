@@ -272,8 +272,7 @@ class ContactModel {
   };
   static constexpr std::int32_t kKnown = 512;
   mutable std::vector<Known> known_;
-  mutable int drawn_ = 0;     // in this sample
-  std::uint64_t sample_ = 0;  // number of it
+  std::uint64_t sample_ = 0;  // number of the one under way
   std::vector<Shape> shapes_;
   std::vector<ContactSet::Sums> sums_;  // as a whole
   // The points that stand for it where it is engaged as a whole (two-point Gauss rule along each

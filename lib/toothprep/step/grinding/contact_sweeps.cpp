@@ -16,8 +16,6 @@ namespace {
 constexpr float kDeepInTissue = 1.8f;
 // Looked at ahead of a piece, voxels.
 constexpr float kAheadOfPiece = 1.5f;
-// So many outlines are drawn in a step: one takes up to 10 us.
-constexpr int kMostDrawn = 4;
 // Of the way, so many parts are looked through, the latest ones.
 constexpr SweepHistory::Number kLatest = 32;
 
@@ -109,10 +107,8 @@ const KnownSweep* ContactModel::known(const Scan& scan,
   if (!part) return nullptr;
   Known& there = known_[static_cast<std::size_t>(number % kKnown)];
   if (there.number != number || !there.sweep.is_of(*part)) {
-    if (drawn_ == kMostDrawn) return nullptr;
     there.number = number, there.placed = 0;
-    there.sweep.set(bur_, body_, *part, static_cast<float>(scan.workpiece.voxel()));
-    drawn_ += there.sweep.is_drawn();
+    there.sweep.set(body_, *part);
   }
   if (!there.sweep.is_known()) return nullptr;
   if (there.placed != sample_) {
@@ -122,14 +118,14 @@ const KnownSweep* ContactModel::known(const Scan& scan,
   return &there.sweep;
 }
 
-// The parts that cut the lattice's points around some places: met, found to tell, and drawn.
+// The parts that cut the lattice's points around some places: met, asked whether they tell, and found.
 struct ContactModel::NearSweeps {
   static constexpr int kMost = 20;
   const ContactModel& model;
   const Scan& scan;
   int count = 0;
   SweepHistory::Number numbers[kMost];
-  const KnownSweep* sweeps[kMost];  // once they are drawn
+  const KnownSweep* sweeps[kMost];  // once they are found
   Int4 known;                       // of lanes: whether the numbers of all that cut there are
 
   NearSweeps(const ContactModel& of, const Scan& in, const Int4& wanted)
@@ -168,7 +164,7 @@ struct ContactModel::NearSweeps {
     return true;
   }
   // Whether all of them are known.
-  bool draw() noexcept {
+  bool find() noexcept {
     for (int k = 0; k < count; ++k) {
       sweeps[k] = model.known(scan, numbers[k]);
       if (!sweeps[k]) return false;
@@ -272,10 +268,9 @@ struct ContactModel::NearSweeps {
              sweeps[k + 1]->sweep().goes_on;
     };
     for (int k = count; k-- > 0;)
-      if (starts[k] && has_before(k) && (!sweeps[k]->may_end() || has_after(k))) kept[k] = false;
+      if (starts[k] && has_before(k)) kept[k] = false;
     for (int k = 0; k < count; ++k)
-      if (kept[k] && ends[k] && has_after(k) && (!sweeps[k]->may_start() || has_before(k)))
-        kept[k] = false;
+      if (ends[k] && has_after(k)) kept[k] = false;
   }
   void keep(const bool (&kept)[kMost]) noexcept {
     int left = 0;
@@ -313,7 +308,7 @@ Float4 ContactModel::taken_by_sweeps(const Scan& scan, int i, const Place& at) n
   if (way_ < parts_from) return Float4{};
   NearSweeps near(*this, scan, Int4{-1, -1, -1, -1});
   near.meet(at);
-  if (!near.tell() || !near.draw()) {
+  if (!near.tell() || !near.find()) {
     parts_from = way_ + kNoPartsHere * scan.workpiece.voxel();
     return Float4{};
   }
@@ -343,7 +338,7 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   for (const float y : {-kNearCorner, kNearCorner})
     for (const float x : {-kNearCorner, kNearCorner}) near.meet(beside(here, x, y));
   near.meet(here);
-  if (!any(near.known) || !near.tell() || !near.draw()) {
+  if (!any(near.known) || !near.tell() || !near.find()) {
     *s.parts_from = way_ + kNoPartsAhead * static_cast<double>(voxel);
     return Int4{};
   }

@@ -11,13 +11,10 @@ namespace toothprep {
 class KnownSweep {
  public:
   // Whether it is known: along the bur's axis it isn't. `standing`: of a bur that stands; kept.
-  bool set(const Bur& bur, const ConvexProfile& standing, const StraightSweep& sweep,
-           float voxel) noexcept;
+  bool set(const ConvexProfile& standing, const StraightSweep& sweep) noexcept;
   [[nodiscard]] bool is_of(const StraightSweep& sweep) const noexcept;
   const StraightSweep& sweep() const { return sweep_; }
   [[nodiscard]] bool is_known() const { return known_; }
-  // Whether an outline was drawn for it, which takes time.
-  [[nodiscard]] bool is_drawn() const { return leans_ == Leans::kFar; }
   // Says from where places are counted.
   void put(const Lattice& lattice, const Index3& base) noexcept;
 
@@ -39,40 +36,32 @@ class KnownSweep {
   };
   Sample at(const Float4& x, const Float4& y, const Float4& z,
             Beyond* beyond = nullptr) const noexcept;
-  // Whether its beginning, or its end, may be deepest even beside the way.
-  [[nodiscard]] bool may_start() const {
-    return leans_ == Leans::kHardly && !(lean_ < 0) && !standing_->has_sharp_end();
-  }
-  [[nodiscard]] bool may_end() const {
-    return leans_ == Leans::kHardly && lean_ < 0 && !standing_->has_sharp_end();
-  }
 
  private:
   static Float4 across(const float (&by)[4], const Float4& x, const Float4& y, const Float4& z) {
     return by[0] * x + by[1] * y + by[2] * z + by[3];
   }
-  // Places across the way and along it, and along the axis, mm.
+  // Places from the tip where the way begins, mm: beside the plane of axis and way, square to the axis in that plane, along
+  // the axis.
   struct Across {
-    Float4 l, h, way, axial;
+    Float4 beside, ahead, axial;
   };
-  Sample where_it_stood(const Float4& end, const Across& at) const noexcept;
-  // The same on the way.
-  Sample on_way(const Float4& way, const Across& at) const noexcept;
-  Sample where_it_dips(const Across& at, Beyond* beyond) const noexcept;
-  Float4 edge_passes(const Across& at, const Float4& radius, const Float4& height) const noexcept;
+  Sample where_it_stood(const Float4& way, const Across& at) const noexcept;
+  Sample sample_of(const Float4& value, const Float4& by_beside, const Float4& by_ahead,
+                   const Float4& by_axial) const noexcept;
 
   StraightSweep sweep_;
   bool known_ = false;
   const ConvexProfile* standing_ = nullptr;
   SweptOutline outline_;  // unless the way is square to the axis
-  SweptOutline::Axes axes_;
-  // The way against square to the axis: not at all; so little that where the bur is beside a place, or where its end passes
-  // there, tells; or so that its outline is drawn.
-  enum class Leans { kNot, kHardly, kFar } leans_ = Leans::kNot;
-  float length_ = 0;             // of the way, mm
-  float lean_ = 0, square_ = 1;  // how much of it goes along the axis, and square to it
-  // Across the way and along it, and along the bur's axis, mm: of places (voxels) from a base, and of the base.
-  float l_[4], h_[4], t_[4], z_[4];
+  bool leans_ = false;
+  float length_ = 0;  // of the way, mm
+  // How much of it goes along the axis, and square to it; where the bur sinks, `ahead` is counted against the way, so that
+  // it rises.
+  float axial_ = 0, ahead_ = 1, rise_ = 0;
+  Vec3 along_ = Vec3::UnitX();  // B, of `ahead`
+  // Of places (voxels) from a base, and of the base, mm.
+  float b_[4], a_[4], z_[4];
 };
 
 }  // namespace toothprep
