@@ -103,7 +103,7 @@ void run(const Options& o, const Common& common) {
   const std::string picture = outputs.optional_file(o.picture, {".png"});
   outputs.begin();
   LayeredTooth tooth = load_tooth(o.input, o.strict);
-  const ToothFrame frame = estimate_frame(with_others_as_other(tooth), known_of(o, tooth));
+  const ToothFrame frame = estimate_frame(tooth, known_of(o, tooth));
   record_frame(frame, tooth.provenance);
   if (!output.empty()) write_tooth(tooth, output);
   if (!picture.empty()) write_picture(tooth, frame, picture);

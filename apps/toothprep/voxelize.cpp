@@ -96,7 +96,7 @@ void print_presets() {
 void finish(LayeredTooth& tooth, const Options& options, const Common& common, Outputs& outputs,
             const std::string& output, std::chrono::steady_clock::time_point start,
             const std::vector<std::string>& notes, const VoxelizeReport* grey_scan = nullptr) {
-  const ToothFrame frame = estimate_frame(with_others_as_other(tooth));
+  const ToothFrame frame = estimate_frame(tooth);
   record_frame(frame, tooth.provenance);
   write_tooth(tooth, output);
   outputs.publish();

@@ -90,7 +90,7 @@ py::tuple voxelize_scan_file(const py::dict& options, const std::string& presets
   run_long(progress, [&](Progress& p) {
     job.how.progress = [&](const std::string& stage, double done) { p.report(stage, done); };
     VoxelizedScan scan = voxelize_file(job);
-    record_frame(estimate_frame(with_others_as_other(scan.tooth)), scan.tooth.provenance);
+    record_frame(estimate_frame(scan.tooth), scan.tooth.provenance);
     for (const std::string& note : scan.report.notes) made.notes.push_back(job.path + ": " + note);
     made.json =
         voxelize_json(scan.tooth, {}, seconds_since(start), scan.report.notes,

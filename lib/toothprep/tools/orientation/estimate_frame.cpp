@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "toothprep/step/core/errors.h"
+#include "toothprep/step/tooth/tooth_bodies.h"
 #include "toothprep/tools/orientation/crown_form.h"
 #include "toothprep/tools/orientation/label_block.h"
 #include "toothprep/tools/orientation/occlusal_axis.h"
@@ -88,6 +89,7 @@ void check_form(ToothFrame& frame) {
 }  // namespace
 
 ToothFrame estimate_frame(const LayeredTooth& tooth, const KnownAxes& known) {
+  if (tooth.bodies) return estimate_frame(with_others_as_other(tooth), known);
   ToothFrame frame;
   frame.tooth_number = known.tooth_number;
   if (frame.tooth_number) check_number(*frame.tooth_number);

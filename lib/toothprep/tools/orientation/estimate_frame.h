@@ -14,7 +14,7 @@ struct KnownAxes {
   std::optional<int> tooth_number;     // FDI: 11-18 ... 41-48, 51-55 ... 81-85
 };
 
-// Form alone gives the occlusal direction, the long axis, and places. Mesial and buccal have to be
+// Of the tooth that is worked on, if several are listed. Form alone gives the occlusal direction, the long axis, and places. Mesial and buccal have to be
 // given: no form says which of four sides is which. Of the two one is enough where the tooth's
 // number is known, since that fixes the hand: right upper and left lower teeth are mirror images of
 // the others. Throws Error for directions that are zero, not finite or parallel, for a number that

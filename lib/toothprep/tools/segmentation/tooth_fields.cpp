@@ -98,6 +98,8 @@ bool interpolate(const float* values, std::size_t row, std::size_t plane,
   return true;
 }
 
+constexpr std::size_t kBricksTogether = 16;  // put in place at once, since threads wait for that
+
 struct Brick {
   std::array<std::uint8_t, kBrickVoxels> label;
   std::array<std::array<float, kBrickVoxels>, 4> phi;  // mm; the solid's, then the tissues'
@@ -291,22 +293,30 @@ LayeredTooth tooth_of(const WorkBox& box, const ToothFields& fields, const WorkB
     const BrickLayers layers(box, fields, static_cast<float>(kBandVoxels * ratio), taps,
                              of(2, z * kBrickEdge).first,
                              of(2, z_end * kBrickEdge - 1).first + taps);
-    Brick brick;
+    std::vector<Brick> bricks(kBricksTogether);
+    std::vector<std::size_t> places;
+    const auto put = [&] {
+      // Which pool slot a brick gets depends on the order of threads; its values and place do not.
+      const std::lock_guard lock(insert);
+      for (std::size_t n = 0; n < places.size(); ++n) {
+        tooth.tissue.set_brick(places[n], bricks[n].label.data());
+        tooth.solid.set_brick(places[n], bricks[n].phi[0].data());
+        for (std::size_t k = 0; k < 3; ++k)
+          tooth.remains[k].set_brick(places[n], bricks[n].phi[k + 1].data());
+      }
+      places.clear();
+    };
     for (int b = 0; b < counts.x() * counts.y() * (z_end - z); ++b) {
       const Index3 at(b % counts.x(), b / counts.x() % counts.y(), z + b / counts.x() / counts.y());
       std::array<EdgeWeights, 3> weights;
       for (int a = 0; a < 3; ++a)
         for (int n = 0; n < kBrickEdge; ++n) weights[a][n] = of(a, at[a] * kBrickEdge + n);
-      if (!layers.fill(weights, tooth.lattice.voxel, brick)) continue;  // as it is
-      const std::size_t index =
-          (static_cast<std::size_t>(at.x()) * counts.y() + at.y()) * counts.z() + at.z();
-      // Which pool slot a brick gets depends on the order of threads; its values and place do not.
-      const std::lock_guard lock(insert);
-      tooth.tissue.set_brick(index, brick.label.data());
-      tooth.solid.set_brick(index, brick.phi[0].data());
-      for (std::size_t k = 0; k < 3; ++k)
-        tooth.remains[k].set_brick(index, brick.phi[k + 1].data());
+      if (!layers.fill(weights, tooth.lattice.voxel, bricks[places.size()])) continue;  // as it is
+      places.push_back((static_cast<std::size_t>(at.x()) * counts.y() + at.y()) * counts.z() +
+                       at.z());
+      if (places.size() == bricks.size()) put();
     }
+    put();
   });
   return tooth;
 }
