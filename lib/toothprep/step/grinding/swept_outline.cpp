@@ -10,19 +10,29 @@ constexpr float kLeast = 1e-9f;       // mm
 constexpr float kRounding = 1e-5f;    // mm
 constexpr float kNoSteeper = 0.999f;  // sine
 constexpr int kNewtonSteps = 4;
+constexpr float kExactly = 1e-3f;  // mm along the way; a step that is smaller is the last one
 
 }  // namespace
 
+SweptOutline::Passing SweptOutline::passing(const ConvexProfile::Face& face) const noexcept {
+  const float sine = -rise_ * face.z;
+  if (!(std::abs(sine) < kNoSteeper * face.r)) return {};
+  const float cosine = std::sqrt(face.r * face.r - sine * sine);
+  return {&face, sine / cosine, face.r / cosine, cosine};
+}
+
 bool SweptOutline::set(const ConvexProfile& bur, float rise) noexcept {
-  bur_ = &bur, rise_ = rise, count_ = 0;
-  for (const ConvexProfile::Face& face : bur.faces()) {
-    const float sine = -rise * face.z;
-    if (!(std::abs(sine) < kNoSteeper * face.r)) continue;  // the nearer the farther the bur goes
-    if (count_ == kMostFaces) return false;
-    const float cosine = std::sqrt(face.r * face.r - sine * sine);
-    passing_[count_++] = {&face, sine / cosine, cosine};
-  }
-  return bur.is_known();
+  rise_ = rise, passing_count_ = round_count_ = edge_count_ = 0;
+  if (!bur.is_known() || bur.faces().size() > kMostFaces || bur.arcs().size() > kMostArcs ||
+      bur.edges().size() > kMostEdges)
+    return false;
+  for (const ConvexProfile::Face& face : bur.faces())
+    if (const Passing at = passing(face); at.face) passing_[passing_count_++] = at;
+  for (const ConvexProfile::Arc& arc : bur.arcs())
+    rounds_[round_count_++] = {&arc, passing(arc.to)};
+  for (const ConvexProfile::Edge& edge : bur.edges())
+    edges_[edge_count_++] = {&edge, passing(edge.below), passing(edge.above)};
+  return true;
 }
 
 // So far of what is nearest.
@@ -48,15 +58,26 @@ Float4 SweptOutline::ahead_of(const ConvexProfile::Arc& arc, const Float4& besid
   const Float4 l = greatest(beside, all4(kLeast)), by_l = square - centre / l;
   Float4 x = (w + centre) / square;
   x = centre > 0 ? (by_l > 0 ? least(x, w / by_l) : x) : greatest(x, w / by_l);
+  const Float4 l2 = l * l;
   for (int i = 0; i < kNewtonSteps; ++i) {
-    const Float4 r2 = l * l + x * x, per_r = 1 / square_root(r2), of = centre * per_r;
-    x = greatest(x - (x * (square - of) - w) / (square - of * (l * l) * (per_r * per_r)), Float4{});
+    const Float4 r2 = l2 + x * x, r = square_root(r2),
+                 step =
+                     r2 * (x * (square * r - centre) - w * r) / (square * (r2 * r) - centre * l2);
+    x = greatest(x - step, Float4{});
+    if (!any(magnitude(step) > kExactly)) break;
   }
   return turned_where_negative(wanted, x);
 }
 
-void SweptOutline::meet(const ConvexProfile::Arc& arc, const Float4& beside, const Float4& level,
+void SweptOutline::meet(const Round& round, const Float4& beside, const Float4& level,
                         Nearest& nearest) const noexcept {
+  const ConvexProfile::Arc& arc = *round.arc;
+  const Passing& to = round.to;
+  if (to.face) {  // does any of the places lie below where that face begins?
+    const Float4 dr = to.r * beside - arc.centre_r,
+                 dz = level + rise_ * to.ahead * beside - arc.centre_z;
+    if (!any(dr * arc.to.z - dz * arc.to.r >= 0)) return;
+  }
   const Float4 ahead = ahead_of(arc, beside, level),
                r = square_root(beside * beside + ahead * ahead);
   const ConvexProfile::OfArc of(arc, r, level + rise_ * ahead);
@@ -64,8 +85,16 @@ void SweptOutline::meet(const ConvexProfile::Arc& arc, const Float4& beside, con
 }
 
 // Where both faces are equally far: out_z (r - edge.r) = out_r (z - edge.z).
-void SweptOutline::meet(const ConvexProfile::Edge& edge, const Float4& beside, const Float4& level,
+void SweptOutline::meet(const Sharp& sharp, const Float4& beside, const Float4& level,
                         Nearest& nearest) const noexcept {
+  const ConvexProfile::Edge& edge = *sharp.edge;
+  // Are all places nearer to one of its faces, where that passes by, than to the other?
+  const auto is_all_of = [&](const Passing& own, const ConvexProfile::Face& other) {
+    if (!own.face) return false;
+    const Float4 r = own.r * beside, z = level + rise_ * own.ahead * beside;
+    return all(other.within(r, z) >= own.face->within(r, z));
+  };
+  if (is_all_of(sharp.above, edge.below) || is_all_of(sharp.below, edge.above)) return;
   const float sign = edge.out_z < 0 ? -1 : 1, out_z = sign * edge.out_z, out_r = edge.out_r * rise_,
               bends = out_z * out_z - out_r * out_r;
   // The root ahead of out_z r = at_0 + out_r ahead, r² = beside² + ahead².
@@ -91,13 +120,13 @@ void SweptOutline::meet(const ConvexProfile::Edge& edge, const Float4& beside, c
 SweptOutline::Sample SweptOutline::at(const Float4& beside, const Float4& level) const noexcept {
   const Float4 l = magnitude(beside);
   Nearest nearest;
-  for (std::size_t i = 0; i < count_; ++i) {
+  for (std::size_t i = 0; i < passing_count_; ++i) {
     const ConvexProfile::Face& face = *passing_[i].face;
     nearest.meet(Int4{-1, -1, -1, -1}, face.reach - passing_[i].falls * l - face.z * level,
                  passing_[i].ahead * l, all4(face.r), all4(face.z));
   }
-  for (const ConvexProfile::Arc& arc : bur_->arcs()) meet(arc, l, level, nearest);
-  for (const ConvexProfile::Edge& edge : bur_->edges()) meet(edge, l, level, nearest);
+  for (std::size_t i = 0; i < round_count_; ++i) meet(rounds_[i], l, level, nearest);
+  for (std::size_t i = 0; i < edge_count_; ++i) meet(edges_[i], l, level, nearest);
   nearest.s.r = square_root(l * l + nearest.s.ahead * nearest.s.ahead);
   return nearest.s;
 }

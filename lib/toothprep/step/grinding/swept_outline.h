@@ -18,32 +18,42 @@ class SweptOutline {
 
   // At places: beside the plane of the bur's axis and its way, mm; and over its tip as the axis passes there, mm.
   struct Sample {
-    Float4 value;  // mm within it, negative outside
-    Float4 by_r,
-        by_z;         // its gradient where the bur is as it is deepest: from its axis, and along it
-    Float4 ahead, r;  // mm from that axis: along the way, square to the axis; and in all
-  };
+    Float4 value;       // mm within it, negative outside
+    Float4 by_r, by_z;  // its gradient: from the bur's axis, and along it
+    Float4 ahead, r;    // mm from that axis: along the way, square to the axis; and in all
+  };                    // all as the bur is where it is deepest
   Sample at(const Float4& beside, const Float4& level) const noexcept;
 
  private:
-  // Of a face that is deepest where it passes by: so far along the way per distance beside it; its value falls by so much.
+  // Of a face that is deepest where it passes by: so far along the way, and from the axis, per distance beside it; its value
+  // falls by so much. Others have none: the nearer the farther the bur goes.
   struct Passing {
-    const ConvexProfile::Face* face;
-    float ahead, falls;
+    const ConvexProfile::Face* face = nullptr;
+    float ahead, r, falls;
   };
+  struct Round {
+    const ConvexProfile::Arc* arc;
+    Passing to;  // of the face that it ends in
+  };
+  struct Sharp {
+    const ConvexProfile::Edge* edge;
+    Passing below, above;  // of its faces
+  };
+  Passing passing(const ConvexProfile::Face& face) const noexcept;
   struct Nearest;
   Float4 ahead_of(const ConvexProfile::Arc& arc, const Float4& beside,
                   const Float4& level) const noexcept;
-  void meet(const ConvexProfile::Arc& arc, const Float4& beside, const Float4& level,
+  void meet(const Round& round, const Float4& beside, const Float4& level,
             Nearest& nearest) const noexcept;
-  void meet(const ConvexProfile::Edge& edge, const Float4& beside, const Float4& level,
+  void meet(const Sharp& sharp, const Float4& beside, const Float4& level,
             Nearest& nearest) const noexcept;
 
-  static constexpr std::size_t kMostFaces = 24;
-  const ConvexProfile* bur_ = nullptr;
+  static constexpr std::size_t kMostFaces = 24, kMostArcs = 8, kMostEdges = 16;
   float rise_ = 0;
   std::array<Passing, kMostFaces> passing_{};
-  std::size_t count_ = 0;
+  std::array<Round, kMostArcs> rounds_{};
+  std::array<Sharp, kMostEdges> edges_{};
+  std::size_t passing_count_ = 0, round_count_ = 0, edge_count_ = 0;
 };
 
 }  // namespace toothprep
