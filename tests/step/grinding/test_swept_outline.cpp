@@ -61,7 +61,7 @@ TEST(SweptOutline, TellsHowFarPlacesLieWithinWhatEveryBurTakes) {
   for (const Bur& bur : every_bur()) {
     const ConvexProfile standing(bur.profile());
     ASSERT_TRUE(standing.is_known()) << bur.name();
-    for (const double rise : {1e-4, 1e-3, 0.01, 0.1, 0.3, 0.7, 1.0, 3.0}) {
+    for (const double rise : {1e-5, 1e-4, 1e-3, 0.01, 0.1, 0.3, 0.7, 1.0, 3.0}) {
       SweptOutline outline;
       ASSERT_TRUE(outline.set(standing, static_cast<float>(rise))) << bur.name();
       const Vec3 along = Vec3(1, 0, rise).normalized();

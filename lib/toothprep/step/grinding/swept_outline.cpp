@@ -9,7 +9,7 @@ constexpr float kDeep = 1e3f;         // mm
 constexpr float kLeast = 1e-9f;       // mm
 constexpr float kRounding = 1e-5f;    // mm
 constexpr float kNoSteeper = 0.999f;  // sine
-constexpr int kNewtonSteps = 4;
+constexpr int kNewtonSteps = 8;
 constexpr float kExactly = 1e-3f;  // mm along the way; a step that is smaller is the last one
 
 }  // namespace

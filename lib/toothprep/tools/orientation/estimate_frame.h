@@ -14,11 +14,12 @@ struct KnownAxes {
   std::optional<int> tooth_number;     // FDI: 11-18 ... 41-48, 51-55 ... 81-85
 };
 
-// Of the tooth that is worked on, if several are listed. Form alone gives the occlusal direction, the long axis, and places. Mesial and buccal have to be
-// given: no form says which of four sides is which. Of the two one is enough where the tooth's
-// number is known, since that fixes the hand: right upper and left lower teeth are mirror images of
-// the others. Throws Error for directions that are zero, not finite or parallel, for a number that
-// isn't FDI's, and for a mesial and a buccal direction that contradict the number.
+// Of the tooth that is worked on, if several are listed. Form alone gives the occlusal direction,
+// the long axis, and places. Mesial and buccal have to be given: no form says which of four sides
+// is which. Of the two one is enough where the tooth's number is known, since that fixes the hand:
+// right upper and left lower teeth are mirror images of the others. Throws Error for directions
+// that are zero, not finite or parallel, for a number that isn't FDI's, and for a mesial and a
+// buccal direction that contradict the number.
 [[nodiscard]] ToothFrame estimate_frame(const LayeredTooth& tooth, const KnownAxes& known = {});
 
 // What a recorded frame holds that was not estimated: to be kept when the tooth is looked at again.
