@@ -8,7 +8,6 @@ namespace {
 constexpr double kNoWay = 2e-4;         // mm
 constexpr double kSquareAtLeast = 0.1;  // sine of the way from the axis
 constexpr float kNoRadius = 1e-6f;      // mm
-constexpr float kNothing = 500;         // mm, no outline is as wide
 
 }  // namespace
 
@@ -83,7 +82,7 @@ KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4
   note_beyond(way);
   const Sample deepest = sample_of(s.value, by_r * at.beside, by_r * s.ahead, s.by_z);
   const Float4 stood = on_way(way);
-  const Int4 is_beyond = (stood != way) | (s.value > kNothing);
+  const Int4 is_beyond = (stood != way) | (s.value == SweptOutline::kUnknown);
   return any(is_beyond) ? chosen(is_beyond, where_it_stood(stood, at), deepest) : deepest;
 }
 

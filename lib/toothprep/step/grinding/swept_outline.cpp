@@ -5,7 +5,6 @@
 namespace toothprep {
 namespace {
 
-constexpr float kDeep = 1e3f;         // mm
 constexpr float kLeast = 1e-9f;       // mm
 constexpr float kRounding = 1e-5f;    // mm
 constexpr float kNoSteeper = 0.999f;  // sine
@@ -37,7 +36,7 @@ bool SweptOutline::set(const ConvexProfile& bur, float rise) noexcept {
 
 // So far of what is nearest.
 struct SweptOutline::Nearest {
-  Sample s{all4(kDeep), Float4{}, Float4{}, Float4{}, Float4{}};
+  Sample s{all4(kUnknown), Float4{}, Float4{}, Float4{}, Float4{}};
   void meet(const Int4& counts, const Float4& value, const Float4& ahead, const Float4& r,
             const Float4& z) {
     const Int4 nearer = counts & (value < s.value);

@@ -16,9 +16,10 @@ class SweptOutline {
   // Of a bur that rises along its axis by so much per way square to it, more than 0. Whether it is known. `bur`: kept.
   bool set(const ConvexProfile& bur, float rise) noexcept;
 
+  static constexpr float kUnknown = 1e3f;  // mm, no outline is as wide
   // At places: beside the plane of the bur's axis and its way, mm; and over its tip as the axis passes there, mm.
   struct Sample {
-    Float4 value;       // mm within it, negative outside
+    Float4 value;       // mm within it, negative outside; kUnknown if rounding hid the nearest
     Float4 by_r, by_z;  // its gradient: from the bur's axis, and along it
     Float4 ahead, r;    // mm from that axis: along the way, square to the axis; and in all
   };                    // all as the bur is where it is deepest
