@@ -5,7 +5,7 @@
 namespace toothprep {
 namespace {
 
-constexpr float kLeast = 1e-9f;       // mm
+constexpr float kShort = 1e-9f;       // mm
 constexpr float kRounding = 1e-5f;    // mm
 constexpr float kNoSteeper = 0.999f;  // sine
 constexpr int kNewtonSteps = 8;
@@ -54,7 +54,7 @@ Float4 SweptOutline::ahead_of(const ConvexProfile::Arc& arc, const Float4& besid
   const Float4 wanted = rise_ * (arc.centre_z - level), w = magnitude(wanted);
   if (centre == 0) return wanted / square;
   // The root of x (square - centre / r) - w, r² = beside² + x², not below 0.
-  const Float4 l = greatest(beside, all4(kLeast)), by_l = square - centre / l;
+  const Float4 l = greatest(beside, all4(kShort)), by_l = square - centre / l;
   Float4 x = (w + centre) / square;
   x = centre > 0 ? (by_l > 0 ? least(x, w / by_l) : x) : greatest(x, w / by_l);
   const Float4 l2 = l * l;
@@ -100,7 +100,7 @@ void SweptOutline::meet(const Sharp& sharp, const Float4& beside, const Float4& 
   const Float4 at_0 = out_z * edge.r + sign * edge.out_r * (level - edge.z), l2 = beside * beside,
                square = at_0 * at_0 - bends * l2,
                root = out_z * square_root(greatest(square, Float4{}));
-  Float4 ahead = (out_z * out_z * l2 - at_0 * at_0) / greatest(root + out_r * at_0, all4(kLeast));
+  Float4 ahead = (out_z * out_z * l2 - at_0 * at_0) / greatest(root + out_r * at_0, all4(kShort));
   if (bends < 0) ahead = at_0 > 0 ? ahead : (out_r * at_0 - root) / bends;
   const Int4 is_root = (square >= 0) & (at_0 + out_r * ahead > -kRounding);
   ahead *= sign;
@@ -111,7 +111,7 @@ void SweptOutline::meet(const Sharp& sharp, const Float4& beside, const Float4& 
                goes = above.r * ahead + rise_ * above.z * r;
   const Int4 counts = is_root & (comes > 0) & (goes > 0);
   if (!any(counts)) return;
-  const Float4 share = goes / greatest(comes + goes, all4(kLeast));
+  const Float4 share = goes / greatest(comes + goes, all4(kShort));
   nearest.meet(counts, below.within(r, level + rise_ * ahead), ahead,
                above.r + share * (below.r - above.r), above.z + share * (below.z - above.z));
 }
