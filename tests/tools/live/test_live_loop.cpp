@@ -139,11 +139,11 @@ TEST(LiveLoop, DirectRenderingInEnamelGoesUnstableAndTheGovernorStopsItTheCoupli
 class Live : public ::testing::Test {
  protected:
   LiveEnd run(SimulatedSettings settings, LiveWatch watch,
-              const std::function<void(SimulatedDevice&)>& meanwhile = {}) {
+              const std::function<void(SimulatedDevice&, const LiveLoop&)>& meanwhile = {}) {
     device_ = std::make_unique<SimulatedDevice>(settings);
     LiveLoop loop(no_watch(), {}, &rows_);
     std::thread other;
-    if (meanwhile) other = std::thread([&] { meanwhile(*device_); });
+    if (meanwhile) other = std::thread([&] { meanwhile(*device_, loop); });
     struct Join {
       std::thread& thread;
       ~Join() {
@@ -161,6 +161,12 @@ class Live : public ::testing::Test {
         },
         watch);
     return end;
+  }
+
+  // Ticks before the session begins, however many a busy machine takes, aren't steps.
+  static void wait_for_steps(const LiveLoop& loop, std::int64_t steps) {
+    for (int tries = 0; loop.status().steps < steps && tries < 1000; ++tries)
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
 
   Parameters parameters_ = preset_parameters("paper");
@@ -192,7 +198,7 @@ TEST_F(Live, EndsWhenItIsAskedTo) {
   LiveWatch watch;
   std::atomic<bool> asked = false;
   watch.stop_asked = [&] { return asked.load(); };
-  const LiveEnd end = run(grinding_hand(), watch, [&](SimulatedDevice&) {
+  const LiveEnd end = run(grinding_hand(), watch, [&](SimulatedDevice&, const LiveLoop&) {
     std::this_thread::sleep_for(std::chrono::milliseconds(150));
     asked = true;
   });
@@ -204,10 +210,11 @@ TEST_F(Live, EndsWhenItIsAskedTo) {
 TEST_F(Live, AFinalFaultEndsItWithTheFaultsLineAndZeroForce) {
   LiveWatch watch;
   watch.duration = 5;
-  const LiveEnd end = run(grinding_hand(), watch, [](SimulatedDevice& device) {
-    while (device.status().ticks < 100) std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    device.inject(DeviceFault::kUnplugged);
-  });
+  const LiveEnd end =
+      run(grinding_hand(), watch, [](SimulatedDevice& device, const LiveLoop& loop) {
+        wait_for_steps(loop, 50);
+        device.inject(DeviceFault::kUnplugged);
+      });
   EXPECT_TRUE(end.fault);
   EXPECT_EQ(end.reason, describe(DeviceFault::kUnplugged));
   EXPECT_EQ(device_->status().force, Vec3::Zero());
@@ -217,10 +224,11 @@ TEST_F(Live, AFinalFaultEndsItWithTheFaultsLineAndZeroForce) {
 TEST_F(Live, ATransientFaultWithholdsTheForceAndTheSessionGoesOn) {
   LiveWatch watch;
   watch.duration = 1.5;
-  const LiveEnd end = run(grinding_hand(), watch, [](SimulatedDevice& device) {
-    while (device.status().ticks < 100) std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    device.inject(DeviceFault::kWarmMotors, 20);
-  });
+  const LiveEnd end =
+      run(grinding_hand(), watch, [](SimulatedDevice& device, const LiveLoop& loop) {
+        wait_for_steps(loop, 50);
+        device.inject(DeviceFault::kWarmMotors, 20);
+      });
   EXPECT_FALSE(end.fault);
   int withheld = 0;
   for (const LiveTick& tick : rows_.ticks)
