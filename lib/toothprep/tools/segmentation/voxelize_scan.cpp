@@ -616,7 +616,8 @@ ToothBoxes boxes_around_tooth(const ImageFrame& scan, const GreyClasses& classes
   return {work, tooth, blur_of(voxel), margin_of(voxel)};
 }
 
-// To the system: what one thread freed another one's heap would not use.
+// To the system: what one thread freed another one's heap would not use. Of the C library's heap (the Python module's);
+// the program's own gives memory back by itself.
 void return_free_memory() { malloc_trim(0); }
 
 std::string place(const Vec3& x) {
