@@ -83,6 +83,9 @@ void describe_tooth(const std::string& path, Json& info, Warnings& warnings) {
     }
   }
   info["tooth_sha256"] = tooth_hash;
+  if (tooth.parts)
+    info["cut"] = {{"intact_tissues", tooth.parts->tissues.has_value()},
+                   {"bur_way_parts", tooth.parts->way ? tooth.parts->way->parts.size() : 0}};
   const ToothFrame frame = recorded_frame(tooth.provenance);
   info["frame"] = frame_text(frame);
   put_frame(info, "frame_", frame);
@@ -395,9 +398,11 @@ void add_info(CLI::App& app, const Common&) {
   sub->footer(
       "Keys carry their unit. Always: schema, schema_version, file, file_sha256, kind. Besides:\n"
       "  tooth       voxel_mm, volume_mm3 (what remains, by tissue), solid_volume_mm3, bounds_mm\n"
-      "              ([min, max]), memory_bytes, tooth_sha256, frame (a sentence) and frame_* (as "
-      "`orient\n"
-      "              --json` has it), provenance\n"
+      "              ([min, max]), memory_bytes, tooth_sha256, cut (of a tooth that was cut here: "
+      "what\n"
+      "              the next session finds), frame (a sentence) and frame_* (as `orient --json` "
+      "has\n"
+      "              it), provenance\n"
       "  trajectory  rows, start_s, duration_s, mean_rate_hz, handle_path_mm, bounds_mm,\n"
       "              has_measured_force\n"
       "  trace       as a trajectory, and peak_force_n (grinding), peak_device_force_n,\n"

@@ -457,7 +457,7 @@ void run_session(const Options& o, const Common& common, Signals& signals, Outpu
   }();
   std::string failure;
   if (!prepared.empty()) {
-    apply_cut(tooth, workpiece.cut());
+    apply_cut(tooth, workpiece);
     try {
       write_tooth(tooth, prepared);
       outputs.publish();

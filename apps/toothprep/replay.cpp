@@ -319,7 +319,7 @@ void run(const Options& o, const Common& common) {
       },
       [&] {
         if (prepared.empty() && mesh.empty()) return;
-        apply_cut(tooth, workpiece.cut());
+        apply_cut(tooth, workpiece);
         if (!prepared.empty()) write_tooth(tooth, prepared);
         if (!mesh.empty()) write_mesh_of(tooth, mesh);
       });

@@ -159,7 +159,7 @@ class SessionObject {
   LayeredTooth remaining() {
     const Turn turn(busy_);
     LayeredTooth left = tooth_->layers;
-    if (workpiece_) apply_cut(left, workpiece_->cut());
+    if (workpiece_) apply_cut(left, *workpiece_);
     return left;
   }
 

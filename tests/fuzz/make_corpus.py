@@ -195,7 +195,7 @@ with open(os.path.join(WORK, "short.toml"), "w", encoding="ascii") as f:
             "to_mm = [0, -0.1, 0]\nspeed_mm_s = 2\n")
 run("specimen", "block", "-o", "block.vdb", "--size-mm", "1.6", "--enamel-mm", "0.8", "--voxel-mm", "0.4")
 short = ("--tooth", "block.vdb", "--trajectory", "short.toml", "--bur", kinds.BUR)
-run("replay", *short, "--time-step-s", "0.02", "-o", "trace.h5")
+run("replay", *short, "--time-step-s", "0.02", "-o", "trace.h5", "--prepared", "prepared.vdb")
 with open(os.path.join(WORK, "step.toml"), "w", encoding="ascii") as f:
     f.write("[step]\ntime_step_s = 0.02\n")
 run("specimen", "measurement", *short, "--params", "step.toml", "-o", "rig.h5")
@@ -207,5 +207,7 @@ seed("hdf5", "rig.h5", content("rig.h5"), HDF5)
 seed("hdf5", "session.h5", content("session.h5"), HDF5)
 tooth = bytearray(content("block.vdb"))
 write("tooth_vdb", "damaged-checksum.vdb", bytes(tooth[:-1]) + b"\1")
-tooth[21 + 14] = ord("4")  # a random id, as other programs write it: no checksum
-seed("tooth_vdb", "of-others.vdb", bytes(tooth))
+for name, file in ("of-others.vdb", "block.vdb"), ("prepared-of-others.vdb", "prepared.vdb"):
+    tooth = bytearray(content(file))
+    tooth[21 + 14] = ord("4")  # a random id, as other programs write it: no checksum
+    seed("tooth_vdb", name, bytes(tooth))

@@ -31,8 +31,9 @@ struct Passes {
   double element_size = 0;  // mm; 0: the default
   bool forgets = false;  // back in a new session, which knows of the cut but not of the bur's way
   std::vector<double> deeper = {};  // than `depth`, of each pass, mm; empty: none
-  bool each_alone =
-      false;  // in a session of its own, which knows earlier passes by their cut alone
+  // Each pass in a session of its own on the tooth that the one before left, with what that keeps of the bur's way, or
+  // without it, as of another bur.
+  bool each_alone = false, way_unknown = false;
 
   double depth_of(std::size_t pass) const { return depth + (deeper.empty() ? 0 : deeper[pass]); }
 };
@@ -43,13 +44,14 @@ struct Work {
 
 inline std::vector<Work> work_of(const Passes& p, double voxel) {
   const Bur bur = make_bur(p.bur, "");
-  const LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
+  LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
   Parameters parameters = paper_without_stall();
   parameters.element_size = p.element_size;
   const Quat q = upright_leant(p.across, p.along);
-  Workpiece workpiece(tooth);
+  std::optional<Workpiece> workpiece(std::in_place, tooth);
   HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
-  std::optional<Session> session(std::in_place, bur, workpiece, parameters, Drive::kDirect, handle);
+  std::optional<Session> session(std::in_place, bur, *workpiece, parameters, Drive::kDirect,
+                                 handle);
   StepRecord last;
   const auto cut_to = [&](double x, Session& by) {
     const double before = by.totals().torque_work, from = handle.pose.position.x();
@@ -67,7 +69,11 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
     handle.pose.position = Vec3(-kStart, -p.depth_of(i), p.z[i]);
     if (p.each_alone && i > 0) {
       session->finish(last);
-      session.emplace(bur, workpiece, parameters, Drive::kDirect, handle);
+      session.reset();
+      apply_cut(tooth, *workpiece);
+      if (p.way_unknown) tooth.parts->way.reset();
+      workpiece.emplace(tooth);
+      session.emplace(bur, *workpiece, parameters, Drive::kDirect, handle);
     }
     handle.buttons = 0;
     session->step(handle);
@@ -75,7 +81,11 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
     const double pass = cut_to(kStart, *session);
     if (p.forgets) {
       session->finish(last);
-      Session other(bur, workpiece, parameters, Drive::kDirect, handle);
+      LayeredTooth left = tooth;
+      apply_cut(left, *workpiece);
+      left.parts->way.reset();
+      Workpiece without_way(left);
+      Session other(bur, without_way, parameters, Drive::kDirect, handle);
       work.push_back({pass, cut_to(-kStart, other)});
     } else {
       work.push_back({pass, cut_to(-kStart, *session)});

@@ -240,6 +240,118 @@ TEST_F(ToothFile, APreparedToothKeepsItsIntactSurfaceAndTheCut) {
   EXPECT_TRUE(read_tooth(path("c.vdb")).parts) << "half floats are no contradiction";
 }
 
+// The same, with a bur's way of two parts through it.
+LayeredTooth cut_block_with_way() {
+  LayeredTooth tooth = cut_block();
+  CutWay way{"line 0 0 0.6 0; line 0.6 0 0.6 3; line 0.6 3 0 3", {}, {}};
+  const Quat leant(Eigen::AngleAxisd(0.3, Vec3(1, 2, 3).normalized()));
+  way.parts.push_back({Pose{Vec3(1.0 / 3, -2e-7, 0.1), leant}, Vec3(0.7, 1e-3, 0), 1e-5, false});
+  way.parts.push_back({Pose{Vec3(1, 0, 0.1), leant}, Vec3(0, 0, 0.2), 0, true});
+  way.deepest = BrickGrid<float>(tooth.solid.first_brick(), tooth.solid.brick_counts(), 0, {0});
+  std::array<float, kBrickVoxels> numbers{};
+  for (std::size_t b = 0; b < way.deepest.table_size(); b += 2) {
+    for (int v = 0; v < kBrickVoxels; ++v) numbers[v] = static_cast<float>(v % 3);
+    way.deepest.set_brick(b, numbers.data());
+  }
+  tooth.parts->way = std::move(way);
+  return tooth;
+}
+
+TEST_F(ToothFile, APreparedToothKeepsItsIntactTissuesAndTheBursWay) {
+  const LayeredTooth tooth = cut_block_with_way();
+  write_tooth(tooth, path("a.vdb"));
+  const LayeredTooth again = read_tooth(path("a.vdb"));
+  ASSERT_TRUE(again.parts->tissues && again.parts->way);
+  const CutWay &was = *tooth.parts->way, &is = *again.parts->way;
+  int changed = 0;
+  for (std::size_t b = 0; b < tooth.solid.table_size(); ++b) {
+    const Index3 f = tooth.solid.brick_origin(b);
+    for (int v = 0; v < kBrickVoxels; ++v) {
+      const Index3 i = f + Index3(v >> 6, (v >> 3) & 7, v & 7);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const float intact = (*tooth.parts->tissues)[k].brick(b)[v];
+        ASSERT_EQ((*again.parts->tissues)[k].value(i.x(), i.y(), i.z()), intact);
+        changed += intact != tooth.remains[k].brick(b)[v];
+      }
+      ASSERT_EQ(is.deepest.value(i.x(), i.y(), i.z()), was.deepest.brick(b)[v]);
+    }
+  }
+  EXPECT_GT(changed, 500);
+  EXPECT_EQ(is.head, was.head);
+  ASSERT_EQ(is.parts.size(), was.parts.size());
+  for (std::size_t n = 0; n < is.parts.size(); ++n) {
+    EXPECT_EQ(is.parts[n].from.position, was.parts[n].from.position);
+    EXPECT_EQ(is.parts[n].from.orientation.coeffs(), was.parts[n].from.orientation.coeffs());
+    EXPECT_EQ(is.parts[n].way, was.parts[n].way);
+    EXPECT_EQ(is.parts[n].aside, was.parts[n].aside);
+    EXPECT_EQ(is.parts[n].goes_on, was.parts[n].goes_on);
+  }
+  write_tooth(again, path("b.vdb"));
+  EXPECT_EQ(bytes_of(path("a.vdb")), bytes_of(path("b.vdb")));
+  EXPECT_EQ(tooth_sha256(again), tooth_sha256(cut_block()));
+  resave(path("a.vdb"), path("c.vdb"), [](Grids& g) {
+    EXPECT_LT(floats(g, "intact_enamel").tree().leafCount(), floats(g, "enamel").tree().leafCount())
+        << "only blocks that changed";
+    for (const char* name : {"intact_enamel", "intact_dentin", "intact_pulp", "cut_by"})
+      g.erase(name);
+  });
+  const LayeredTooth older = read_tooth(path("c.vdb"));
+  EXPECT_TRUE(older.parts && !older.parts->tissues && !older.parts->way) << "a file of before";
+}
+
+TEST_F(ToothFile, IntactTissuesAndAWayThatCannotBeTheToothsAreRefusedByName) {
+  write_tooth(cut_block_with_way(), path("a.vdb"));
+  const auto refused = [this](const std::function<void(Grids&)>& change) {
+    resave(path("a.vdb"), path("b.vdb"), change);
+    return refusal(path("b.vdb"));
+  };
+  EXPECT_THAT(refused([](Grids& g) { g.erase("intact_pulp"); }),
+              HasSubstr("has some of the grids 'intact_enamel'"));
+  EXPECT_THAT(refused([](Grids& g) {
+                for (auto value = floats(g, "intact_enamel").beginValueOn(); value; ++value)
+                  value.setValue(*value + 0.02F);
+              }),
+              HasSubstr("grid 'intact_enamel': is at odds with 'enamel' and 'solid'"));
+  EXPECT_THAT(refused([](Grids& g) { g.erase("intact"), g.erase("cut"); }),
+              HasSubstr("'intact_enamel'"));
+  const auto way = [](Grids& g) { return openvdb::gridPtrCast<openvdb::Int32Grid>(g["cut_by"]); };
+  EXPECT_THAT(refused([&](Grids& g) { way(g)->beginValueOn().setValue(3); }),
+              HasSubstr("grid 'cut_by': holds the number 3, but its list has 2 entries"));
+  EXPECT_THAT(refused([&](Grids& g) { way(g)->beginValueOn().setValue(-1); }),
+              HasSubstr("grid 'cut_by': holds the number -1"));
+  EXPECT_THAT(refused([&](Grids& g) { way(g)->removeMeta("bur_way"); }),
+              HasSubstr("grid 'cut_by': has no metadata 'bur_way'"));
+  EXPECT_THAT(refused([&](Grids& g) {
+                way(g)->setTransform(openvdb::math::Transform::createLinearTransform(0.2));
+              }),
+              HasSubstr("grid 'cut_by': lies on another lattice"));
+  const auto text = [&](const std::function<void(std::string&)>& change) {
+    return refused([&](Grids& g) {
+      std::string now = way(g)->metaValue<std::string>("bur_way");
+      change(now);
+      way(g)->removeMeta("bur_way");
+      way(g)->insertMeta("bur_way", openvdb::StringMetadata(now));
+    });
+  };
+  const auto instead = [&](const std::string& of, const std::string& put) {
+    return text([&](std::string& now) {
+      const std::size_t at = now.find(of);
+      ASSERT_NE(at, std::string::npos) << of << " in " << now;
+      now.replace(at, of.size(), put);
+    });
+  };
+  EXPECT_THAT(text([](std::string& now) { now.resize(now.size() / 2); }),
+              HasSubstr("bur_way: isn't JSON with head, columns and parts"));
+  EXPECT_THAT(text([](std::string& now) { now.clear(); }), HasSubstr("bur_way: isn't JSON"));
+  EXPECT_THAT(instead("x_mm", "x_in"), HasSubstr("bur_way: has other columns"));
+  EXPECT_THAT(instead("-2e-07", "[]"), HasSubstr("bur_way: part 1 isn't 12 numbers"));
+  EXPECT_THAT(instead("-2e-07,", ""), HasSubstr("bur_way: part 1 isn't 12 numbers"));
+  EXPECT_THAT(instead("-2e-07", "1e300"), HasSubstr("bur_way: part 1 holds a number beyond 1e4"));
+  EXPECT_THAT(instead("1e-05", "-1"), HasSubstr("bur_way: part 1 has a negative aside_mm"));
+  EXPECT_THAT(instead("\"parts\":[[", "\"parts\":[[0,0,0,0,0,0,2,0,0,0,0,0],["),
+              HasSubstr("bur_way: part 1 has an orientation that is no unit quaternion"));
+}
+
 TEST_F(ToothFile, AnIntactToothHasNoParts) {
   write_tooth(small_block(), path("a.vdb"));
   EXPECT_FALSE(read_tooth(path("a.vdb")).parts);

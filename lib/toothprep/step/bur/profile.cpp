@@ -221,6 +221,18 @@ double enclosed_area(const ProfilePiece& piece) {
   return primitive(span.start + span.sweep) - primitive(span.start);
 }
 
+std::string outline_text(const std::vector<ProfilePiece>& outline) {
+  std::string all;
+  for (const ProfilePiece& p : outline) {
+    if (!all.empty()) all += "; ";
+    const bool is_line = p.kind == Kind::kLine;
+    all += fmt::format("{} {} {} {} {}", is_line ? "line" : "arc", p.r0, p.z0, p.r1, p.z1);
+    if (!is_line)
+      all += fmt::format(" {} {} {}", p.centre_r, p.centre_z, p.convex ? "convex" : "concave");
+  }
+  return all;
+}
+
 std::vector<ProfilePiece> checked_outline(std::vector<ProfilePiece> pieces) {
   if (pieces.empty()) throw Error("bur profile: has no pieces");
   if (pieces.size() > kMaxPieces)

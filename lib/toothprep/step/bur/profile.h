@@ -2,6 +2,7 @@
 // arcs, and the integrals along them that have a closed form.
 #pragma once
 
+#include <string>
 #include <vector>
 
 namespace toothprep {
@@ -64,6 +65,10 @@ struct ProfileBounds {                // the rectangle around a piece
 // The piece's share of the area that the closed outline encloses in the half plane, mm^2: integral
 // of r dz.
 [[nodiscard]] double enclosed_area(const ProfilePiece& piece);
+
+// All of an outline's shape in one line, "line r0 z0 r1 z1; arc r0 z0 r1 z1 r z convex; ..." in mm: two outlines with the
+// same text are the same, but for what grinds.
+[[nodiscard]] std::string outline_text(const std::vector<ProfilePiece>& outline);
 
 // Throws Error naming the piece and the violated condition unless the outline runs from the tip at
 // (0, 0) to the axis at the other end, without gaps or self-crossing, solid to the left, within r

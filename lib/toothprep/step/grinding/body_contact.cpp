@@ -55,7 +55,7 @@ BodyContact::Areas BodyContact::areas(const Workpiece& workpiece, const Pose& po
       return (field.is_uniform(b) && field.uniform_value(b) < 0) ||
              field_at(field, f.base, at).value < 0;
     };
-    if (inside(workpiece.cut()) && inside(workpiece.tooth().solid)) area[body - 1u] += e.area[i];
+    if (inside(workpiece.cut()) && inside(workpiece.solid())) area[body - 1u] += e.area[i];
   }
   double sum = 0;
   for (std::size_t b = 0; b < bodies->count(); ++b) {
@@ -82,7 +82,7 @@ std::uint64_t BodyContact::touched_by(const SurfaceElements& elements, const Wor
     const Index3 v =
         f.base + Index3(cell_of(at.x() + 0.5f), cell_of(at.y() + 0.5f), cell_of(at.z() + 0.5f));
     const std::uint8_t body = bodies->of().value(v.x(), v.y(), v.z());
-    if (body != 0 && workpiece.tooth().solid.value(v.x(), v.y(), v.z()) < 0 &&
+    if (body != 0 && workpiece.solid().value(v.x(), v.y(), v.z()) < 0 &&
         workpiece.cut().value(v.x(), v.y(), v.z()) < 0)
       touched |= std::uint64_t{1} << (body - 1u);
   }

@@ -484,7 +484,7 @@ float value_at(const SurfaceElements& e, std::size_t i, const Workpiece& workpie
   const float z = f.fz + a[6] * e.x[i] + a[7] * e.y[i] + a[8] * e.z[i];
   const Index3 v(f.base.x() + cell_of(x + 0.5f), f.base.y() + cell_of(y + 0.5f),
                  f.base.z() + cell_of(z + 0.5f));
-  const float value = workpiece.tooth().solid.value(v.x(), v.y(), v.z());
+  const float value = workpiece.solid().value(v.x(), v.y(), v.z());
   return value < 0 ? workpiece.cut().value(v.x(), v.y(), v.z()) : value;
 }
 

@@ -358,7 +358,7 @@ bool ContactModel::ends_differ(const Scan& scan, int p, const Look& s) const noe
 // Whether the tooth's surface has an edge in one of them: it isn't level between two of its corners and the others.
 bool ContactModel::has_edge_of_tooth(const Scan& scan, int p, const Look& s) const noexcept {
   if (standing_[s.elements[p]].inside_tooth) return false;
-  const LevelSet& solid = scan.workpiece.tooth().solid;
+  const LevelSet& solid = scan.workpiece.solid();
   const Float4 corners = at_corners(scan, solid, p, s);
   const float middle =
                   field_at(solid, scan.frame.base, Eigen::Vector3f(s.at_x[p], s.at_y[p], s.at_z[p]))

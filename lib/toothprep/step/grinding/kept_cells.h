@@ -121,13 +121,12 @@ struct KeptTissues {
   void read_solid(const Workpiece& workpiece, Int4 wanted) noexcept {
     if (!any(wanted & ~solid_read)) return;
     solid_read = wanted;
-    solid.read(workpiece.tooth().solid, x, y, z, wanted);
+    solid.read(workpiece.solid(), x, y, z, wanted);
   }
   void read_tissues(const Workpiece& workpiece, Int4 wanted) noexcept {
     if (!any(wanted & ~tissues_read)) return;
     tissues_read = wanted;
-    for (int k = 0; k < kFields; ++k)
-      tissues[k].read(workpiece.tooth().remains[k], x, y, z, wanted);
+    for (int k = 0; k < kFields; ++k) tissues[k].read(workpiece.tissues()[k], x, y, z, wanted);
     for (int p = 0; p < 4; ++p)
       by_fields[p] = wanted[p] && of_fields(workpiece.labels(), x[p], y[p], z[p]) ? -1 : 0;
   }
@@ -158,9 +157,9 @@ struct KeptFields {
     place = at, known = true;
     static_assert(KeptTissues::kFields == 3);
     alignas(16) float corners[4][8];
-    cell_corners(workpiece.tooth().solid, at[0], at[1], at[2], corners[0]);
+    cell_corners(workpiece.solid(), at[0], at[1], at[2], corners[0]);
     for (int k = 0; k < KeptTissues::kFields; ++k)
-      cell_corners(workpiece.tooth().remains[k], at[0], at[1], at[2], corners[k + 1]);
+      cell_corners(workpiece.tissues()[k], at[0], at[1], at[2], corners[k + 1]);
     cells.set(load4(corners[0]), load4(corners[1]), load4(corners[2]), load4(corners[3]),
               load4(corners[0] + 4), load4(corners[1] + 4), load4(corners[2] + 4),
               load4(corners[3] + 4));

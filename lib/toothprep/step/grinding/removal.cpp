@@ -129,7 +129,7 @@ Removal::Removal(const Bur& bur, Workpiece& workpiece, const Pose& pose)
       sides_(bur, kHalfBlock * workpiece.voxel() + kSubPoses * due_distance_,
              (kBandVoxels + kHalfBlock + 1) * workpiece.voxel()),
       last_(pose),
-      history_(workpiece),
+      history_(workpiece.way_of(bur)),
       carved_at_(pose) {
   for (const SharpEdge& edge : sharp_edges(bur.profile())) edges_.emplace_back(edge);
   way_.reserve(kMostWaypoints);
@@ -289,7 +289,7 @@ bool Removal::is_straight(std::size_t waypoints) const noexcept {
 // The bricks that the sub-poses may touch: the boxes of the capsules around the head, grown by the
 // band.
 void Removal::plan_box() noexcept {
-  const LevelSet& solid = workpiece_.tooth().solid;
+  const LevelSet& solid = workpiece_.solid();
   const Vec3 grow = Vec3::Constant(bur_.max_radius() / workpiece_.voxel() + kBandVoxels);
   Vec3 low = Vec3::Constant(1e300), high = Vec3::Constant(-1e300);
   for (const SubPose& s : sub_poses_) {
@@ -312,7 +312,7 @@ void Removal::plan_box() noexcept {
 
 // Visits `visits` bricks of the box, and carves `bricks` of them at most.
 void Removal::carve_some(std::size_t visits, std::size_t bricks) noexcept {
-  const LevelSet& solid = workpiece_.tooth().solid;
+  const LevelSet& solid = workpiece_.solid();
   const LevelSet& cut = workpiece_.cut();
   const std::size_t end = cursor_ + std::min(box_size_ - cursor_, visits);
   for (; cursor_ < end && bricks > 0; ++cursor_) {
@@ -538,7 +538,7 @@ bool Removal::carve_block(const SubPose& s, const Eigen::Vector3f& offset,
 // At the border of two tissues a voxel is shared as their level sets share it. In the order of the
 // voxels, whichever blocks are left out.
 void Removal::count_removed(std::size_t brick, const UnderWay& b) noexcept {
-  const float* solid = workpiece_.tooth().solid.brick(brick);
+  const float* solid = workpiece_.solid().brick(brick);
   const std::uint8_t* labels = workpiece_.labels().brick(brick);
   const auto per_voxel = static_cast<float>(1 / workpiece_.voxel());
   const auto inside = [per_voxel](auto phi) {
@@ -564,7 +564,7 @@ void Removal::count_removed(std::size_t brick, const UnderWay& b) noexcept {
     removed_[workpiece_.only_tissue(brick) - 1] += voxel_volume_ * static_cast<double>(sum);
     return;
   }
-  const auto& remains = workpiece_.tooth().remains;
+  const auto& remains = workpiece_.tissues();
   const PackedBrick enamel = remains[0].brick(brick), dentin = remains[1].brick(brick),
                     pulp = remains[2].brick(brick);
   PerTissue<float> fraction{};

@@ -112,7 +112,7 @@ class Removal {
   Pose last_;                      // where the last planned cut ended
   bool last_carved_ = false;       // there the head has cut, too
   std::vector<Waypoint> way_;      // from there on; capacity reserved once
-  SweepHistory history_;           // of that way
+  SweepHistory& history_;          // of that way, the workpiece's
   SweepHistory::Number part_ = 0;  // of it: the cut under way
   Pose carved_at_;                 // of the last call of carve()
   double way_since_plan_ = 0;      // mm

@@ -4,15 +4,11 @@
 
 #include "toothprep/step/bur/bur.h"
 #include "toothprep/step/core/geometry.h"
+#include "toothprep/step/tooth/cut_way.h"
 
 namespace toothprep {
 
-struct StraightSweep {
-  Pose from;
-  Vec3 way = Vec3::Zero();  // W, mm
-  double aside = 0;         // mm, by how much the bur was off that line, at most
-  bool goes_on = false;     // from where the part before it ended
-
+struct StraightSweep : StraightPart {
   // Whether it leads on to `to` with no point of the bur's head off its line by more than `most_aside` (mm). If so it does
   // from here on.
   bool lead_on(const Bur& bur, const Pose& to, double most_aside) noexcept;

@@ -92,16 +92,17 @@ void look_along(int stride, Squares& squares) {
 
 // Per voxel of a brick and around it the square of the distance to the nearest one that is gone, or
 // that is there, right in the brick. `bricks`: the brick in the middle and its neighbours, z
-// fastest; null: all is there.
-Squares squares_to(bool gone, const std::array<const float*, 27>& bricks) {
+// fastest; null: all is there. What was gone `before` counts as there.
+Squares squares_to(bool gone, const std::array<const float*, 27>& bricks,
+                   const std::array<const float*, 27>& before) {
   constexpr int kBefore = kBrickEdge - kReach;
   Squares squares;
   std::size_t at = 0;
   for (int x = kBefore; x < kBefore + kSide; ++x)
     for (int y = kBefore; y < kBefore + kSide; ++y)
       for (int z = kBefore; z < kBefore + kSide; ++z, ++at) {
-        const float* brick = bricks[9 * (x >> 3) + 3 * (y >> 3) + (z >> 3)];
-        const bool is_gone = brick && brick[brick_offset(x & 7, y & 7, z & 7)] > 0;
+        const int b = 9 * (x >> 3) + 3 * (y >> 3) + (z >> 3), v = brick_offset(x & 7, y & 7, z & 7);
+        const bool is_gone = bricks[b] && bricks[b][v] > 0 && !(before[b][v] > 0);
         squares[at] = is_gone == gone ? 0 : kBeyond;
       }
   look_along(1, squares);
@@ -116,9 +117,11 @@ VoxelEngine::VoxelEngine(const Bur& bur, Workpiece& workpiece, const Parameters&
                          const Pose& pose)
     : bur_(bur),
       workpiece_(workpiece),
+      before_(workpiece.cut()),
       arm_(std::hypot(bur.head_length(), bur.max_radius())),
       contact_(0, parameters.tissue, parameters.trailing_elements),
       last_(pose) {
+  workpiece.forget_way();
   share_surface_out(bur, parameters.handpiece.clockwise);
   turned_.resize(samples_.size());
   places_.resize(samples_.size());
@@ -343,9 +346,9 @@ void VoxelEngine::finish(const Pose& pose) noexcept {
   redistance();
 }
 
-// While stepping a voxel of the cut is either -band (there) or +D/2 (gone). What is handed on is a
-// narrow band again: the distance to the nearest voxel of the other kind, less half a voxel, so
-// that the surface runs along the faces between them and every voxel counts as a whole.
+// While stepping a voxel that is removed becomes +D/2. What is handed on is a narrow band again: the distance to the
+// nearest voxel of the other kind, less half a voxel, so that the surface runs along the faces between them and every voxel
+// counts as a whole. What was cut before keeps its distances.
 void VoxelEngine::redistance() noexcept {
   LevelSet& cut = workpiece_.cut();
   const float band = workpiece_.band();
@@ -357,20 +360,22 @@ void VoxelEngine::redistance() noexcept {
   // Bricks with a voxel gone, and their neighbours: the signs never change, so it works in place.
   const std::size_t bricks = cut.table_size();
   for (std::size_t b = 0; b < bricks; ++b) {
-    const LevelSet& solid = workpiece_.tooth().solid;
+    const LevelSet& solid = workpiece_.solid();
     if (solid.is_uniform(b) && solid.uniform_value(b) > 0) continue;
     const Index3 origin = cut.brick_origin(b);
-    std::array<const float*, 27> around;  // null: as nothing was cut
+    std::array<const float*, 27> around, before;  // null: as nothing was cut
     bool near = false;
     for (int c = 0; c < 27; ++c) {
       const std::int64_t beside =
           cut.brick_index(origin.x() + 8 * (c / 9 - 1), origin.y() + 8 * (c / 3 % 3 - 1),
                           origin.z() + 8 * (c % 3 - 1));
       around[c] = beside < 0 ? nullptr : cut.brick(static_cast<std::size_t>(beside));
+      before[c] = beside < 0 ? nullptr : before_.brick(static_cast<std::size_t>(beside));
       near = near || (beside >= 0 && !cut.is_uniform(static_cast<std::size_t>(beside)));
     }
     if (!near) continue;
-    const Squares to_gone = squares_to(true, around), to_there = squares_to(false, around);
+    const Squares to_gone = squares_to(true, around, before),
+                  to_there = squares_to(false, around, before);
     float* values = nullptr;
     for (int v = 0; v < kBrickVoxels; ++v) {
       const auto at = static_cast<std::size_t>(
@@ -383,7 +388,7 @@ void VoxelEngine::redistance() noexcept {
         if (!values) break;
         workpiece_.changed().mark(b);
       }
-      values[v] = is_gone ? away : -away;
+      values[v] = std::max(is_gone ? away : -away, before_.brick(b)[v]);
     }
   }
 }

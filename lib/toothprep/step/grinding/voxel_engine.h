@@ -89,7 +89,8 @@ class VoxelEngine final : public GrindingEngine {
 
   const Bur& bur_;
   Workpiece& workpiece_;
-  double arm_;  // mm, the longest of the head
+  LevelSet before_;  // the cut
+  double arm_;       // mm, the longest of the head
   std::vector<BoundarySample> samples_;
   std::vector<Vec3> turned_;       // their points, turned as `rotation_`, voxels
   std::vector<Place> places_;      // theirs

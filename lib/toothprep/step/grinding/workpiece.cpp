@@ -1,9 +1,11 @@
 #include "toothprep/step/grinding/workpiece.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/grinding/commit_bricks.h"
+#include "toothprep/step/grinding/sweep_history.h"
 #include "toothprep/step/tooth/extended_labels.h"
 
 namespace toothprep {
@@ -15,13 +17,17 @@ constexpr int kLabelMargin = 2;  // voxels that labels are extended into the air
 }  // namespace
 
 Workpiece::Workpiece(const LayeredTooth& tooth)
-    : tooth_(tooth), band_(static_cast<float>(tooth.band())) {
-  const LevelSet& solid = tooth.solid;
+    : tooth_(tooth),
+      solid_(tooth.parts ? &tooth.parts->intact : &tooth.solid),
+      tissues_(tooth.parts && tooth.parts->tissues ? &*tooth.parts->tissues : &tooth.remains),
+      band_(static_cast<float>(tooth.band())) {
+  const LevelSet& solid = *solid_;
   const auto same_bricks = [&](const auto& grid) {
     return grid.first_brick() == solid.first_brick() && grid.brick_counts() == solid.brick_counts();
   };
-  if (!same_bricks(tooth.tissue) || !same_bricks(tooth.remains[0]) ||
-      !same_bricks(tooth.remains[1]) || !same_bricks(tooth.remains[2]))
+  if (!same_bricks(tooth.tissue) || !same_bricks(tooth.solid) ||
+      (tooth.parts && !same_bricks(tooth.parts->cut)) ||
+      !std::all_of(tissues_->begin(), tissues_->end(), same_bricks))
     throw Error("tooth: labels and level sets must cover the same bricks");
   labels_ = extended_labels(tooth.tissue, solid, band_, kLabelMargin);
   if (tooth.bodies && tooth.bodies->list.size() > 1) {
@@ -37,6 +43,7 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
   spare_bricks_ = std::min<std::size_t>(not_void, kMostSpareBricks);
   cut_.reserve(not_void + spare_bricks_);
   commit_bricks(cut_, voxel(), spare_bricks_);
+  if (tooth.parts) take_up_cut(tooth.parts->cut);
   changed_ = ChangedBricks(cut_.table_size());
 
   // Per brick: a bit for each label in it, and whether it is inside as a whole.
@@ -69,6 +76,81 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
       }
 }
 
-LevelSet Workpiece::remaining_solid() const { return carved_solid(tooth_.solid, cut_); }
+Workpiece::~Workpiece() = default;
+
+// Where there was tissue: elsewhere nothing is ever read of it.
+void Workpiece::take_up_cut(const LevelSet& cut) {
+  for (std::size_t b = 0; b < cut.table_size(); ++b) {
+    if (cut.is_uniform(b) && cut.uniform_value(b) > 0) continue;
+    if (solid_->is_uniform(b) && solid_->uniform_value(b) > 0) continue;
+    if (cut.is_uniform(b)) {
+      cut_.put_constant(b, kAllCut);
+      continue;
+    }
+    const float* from = cut.brick(b);
+    float* to = cut_.writable_brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v) to[v] = -from[v];
+  }
+}
+
+Workpiece::CutState Workpiece::cut_state() const {
+  return {cut_, ways_, way_is_known_ ? way_->latest() : 0};
+}
+
+void Workpiece::restore(const CutState& state) {
+  // Of BrickGrid::put_constant(), whose constants count from the one after the background.
+  constexpr std::uint32_t kBackground = ~std::uint32_t{0};
+  const LevelSet& before = state.cut;
+  if (state.way != ways_) {
+    forget_way();                   // it is another bur's,
+    way_is_kept_ = state.way == 0;  // but the tooth's that there was at first
+  }
+  for (std::size_t b = 0; b < cut_.table_size(); ++b) {
+    const float *from = before.brick(b), *now = cut_.brick(b);
+    const bool uniform = before.is_uniform(b);
+    if (uniform == cut_.is_uniform(b) && std::equal(from, from + (uniform ? 1 : kBrickVoxels), now))
+      continue;
+    if (float* numbers = way_is_known_ ? way_->write(b) : nullptr)
+      for (int v = 0; v < kBrickVoxels; ++v)
+        if (from[v] != now[v]) numbers[v] = 0;
+    if (uniform)
+      cut_.put_constant(b, before.uniform_value(b) == before.background() ? kBackground : kAllCut);
+    else
+      std::copy_n(from, kBrickVoxels, cut_.writable_brick(b));
+    changed_.mark(b);
+  }
+  if (way_is_known_) way_->drop_behind(state.parts);
+}
+
+SweepHistory& Workpiece::way_of(const Bur& bur) {
+  if (way_is_known_ && way_->is_of(bur)) return *way_;
+  SweepHistory way(bur, cut_, voxel(), spare_bricks_);
+  if (std::exchange(way_is_kept_, false) && tooth_.parts && tooth_.parts->way)
+    way.go_on_from(*tooth_.parts->way);
+  if (way_)
+    *way_ = std::move(way);  // where it was: a session before may still refer to it
+  else
+    way_ = std::make_unique<SweepHistory>(std::move(way));
+  ++ways_;
+  way_is_known_ = true;
+  return *way_;
+}
+
+void Workpiece::forget_way() {
+  ++ways_;
+  way_is_known_ = way_is_kept_ = false;
+}
+
+std::optional<CutWay> Workpiece::kept_way() const {
+  if (!way_is_known_ || way_->latest() == 0) return std::nullopt;
+  return way_->kept();
+}
+
+LevelSet Workpiece::remaining_solid() const { return carved_solid(*solid_, cut_); }
+
+void apply_cut(LayeredTooth& tooth, const Workpiece& workpiece) {
+  apply_cut(tooth, workpiece.cut());
+  tooth.parts->way = workpiece.kept_way();
+}
 
 }  // namespace toothprep

@@ -4,13 +4,16 @@
 // The cut is a level set of its own: the union of all places of the bur, negative where nothing was
 // cut. What remains is max(tooth, cut). Kept apart, each field is smooth where the step samples it,
 // and the sharp edge where a cut meets the tooth's surface isn't rounded by interpolation: sampled
-// as one field it cost up to a voxel of contact along every such edge.
+// as one field it cost up to a voxel of contact along every such edge. A tooth that was cut before and
+// knows it (ToothParts) is taken apart likewise, so that a further session finds what one long one
+// would have found.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <optional>
 #include <type_traits>
 #include <vector>
@@ -21,14 +24,21 @@
 
 namespace toothprep {
 
+class Bur;
+class SweepHistory;  // sweep_history.h
+
 class Workpiece {  // one tooth under one session's bur; not for two threads at a time
  public:
   // Keeps a reference to `tooth`, which must outlive it. Every brick that carving can touch gets
   // its place in the pool here.
   explicit Workpiece(const LayeredTooth& tooth);
   explicit Workpiece(LayeredTooth&&) = delete;
+  ~Workpiece();
 
-  const LayeredTooth& tooth() const { return tooth_; }       // as given: never carved
+  const LayeredTooth& tooth() const { return tooth_; }  // as given: never carved
+  // What there was before anything that cut() knows was cut, mm: the solid, and enamel, dentin and pulp.
+  const LevelSet& solid() const { return *solid_; }
+  const std::array<PackedLevelSet, 3>& tissues() const { return *tissues_; }
   const Lattice& lattice() const { return tooth_.lattice; }  // the tooth's and the cut's
   double voxel() const { return tooth_.lattice.voxel; }      // D, mm
   float band() const { return band_; }                       // half width of the cut's band, mm
@@ -39,6 +49,14 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   const LevelSet& cut() const { return cut_; }  // mm, negative where nothing was cut
   // Whoever writes into the cut marks the brick in changed().
   LevelSet& cut() { return cut_; }
+  // The cut as it is now, with what belongs to it, and as it was then, in the storage that was reserved for it.
+  struct CutState {
+    LevelSet cut;
+    std::uint64_t way = 0;   // which bur's
+    std::int32_t parts = 0;  // of that way
+  };
+  [[nodiscard]] CutState cut_state() const;
+  void restore(const CutState& before);
   // Bricks of the cut that changed since they were last taken, for a display.
   const ChangedBricks& changed() const { return changed_; }
   ChangedBricks& changed() { return changed_; }
@@ -46,6 +64,14 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   // Labels, extended two voxels into the air beside the surface (nearest tissue), so that a
   // boundary voxel whose centre lies outside still has its tissue.
   const LabelGrid& labels() const { return labels_; }
+
+  // Where burs with such a head have cut straight on; what is known of another head's way is forgotten. Allocates when the
+  // head is another than before.
+  SweepHistory& way_of(const Bur& bur);
+  // The cut was changed otherwise than by that way.
+  void forget_way();
+  // For apply_cut(): the way so far, if it is known.
+  [[nodiscard]] std::optional<CutWay> kept_way() const;
 
   // Whose each voxel is, and what was removed of each; null if the tooth has one body.
   const WorkpieceBodies* bodies() const { return bodies_ ? &*bodies_ : nullptr; }
@@ -67,7 +93,11 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
     bool deep = false;
     bool air = false;
   };
+  void take_up_cut(const LevelSet& cut);
+
   const LayeredTooth& tooth_;
+  const LevelSet* solid_;
+  const std::array<PackedLevelSet, 3>* tissues_;
   float band_;
   LevelSet cut_;
   ChangedBricks changed_;
@@ -75,7 +105,15 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   LabelGrid labels_;
   std::optional<WorkpieceBodies> bodies_;
   std::vector<CellsOfBrick> cells_;
+  std::unique_ptr<SweepHistory> way_;  // since it was first asked for
+  bool way_is_known_ = false;          // `way_` is of this cut
+  std::uint64_t ways_ = 0;             // that there were, so far
+  bool way_is_kept_ = true;            // what the tooth keeps of it may be taken up
 };
+
+// Carves the tooth that the workpiece is of, or a copy of it, by the workpiece's cut, as apply_cut() of layered_tooth.h
+// does, and keeps the bur's way as well. After the tooth itself the workpiece is of no use any more.
+void apply_cut(LayeredTooth& tooth, const Workpiece& workpiece);
 
 // The trilinear interpolant of a level set at an index position, and its gradient per voxel.
 struct FieldSample {

@@ -6,26 +6,6 @@
 namespace toothprep {
 namespace {
 
-// Of BrickGrid::put_constant(), whose constants count from the one after the background.
-constexpr std::uint32_t kBackground = ~std::uint32_t{0};
-
-// The cut as it was, in the workpiece's own storage: what was reserved stays so.
-void restore_cut(Workpiece& workpiece, const LevelSet& wanted) {
-  LevelSet& cut = workpiece.cut();
-  for (std::size_t b = 0; b < cut.table_size(); ++b) {
-    const bool uniform = wanted.is_uniform(b);
-    if (uniform == cut.is_uniform(b) &&
-        std::equal(wanted.brick(b), wanted.brick(b) + (uniform ? 1 : kBrickVoxels), cut.brick(b)))
-      continue;
-    if (uniform)
-      cut.put_constant(
-          b, wanted.uniform_value(b) == wanted.background() ? kBackground : Workpiece::kAllCut);
-    else
-      std::copy_n(wanted.brick(b), kBrickVoxels, cut.writable_brick(b));
-    workpiece.changed().mark(b);
-  }
-}
-
 void add(const SessionTotals& more, SessionTotals& sum) {
   sum.torque_work += more.torque_work;
   add_removed(more.cutting_work, sum.cutting_work);
@@ -67,7 +47,7 @@ Intervals::Intervals(Workpiece& workpiece, const Parameters& parameters, Drive d
     : workpiece_(workpiece), parameters_(parameters), drive_(drive) {}
 
 Session& Intervals::begin(const Bur& bur, const HandleSample& first) {
-  Start start{workpiece_.cut(), removed_, of_bodies_};
+  Start start{workpiece_.cut_state(), removed_, of_bodies_};
   session_ = std::make_unique<Session>(bur, workpiece_, parameters_, drive_, first);
   starts_.push_back(std::move(start));
   if (starts_.size() > kMostUndos) starts_.pop_front();
@@ -84,7 +64,7 @@ void Intervals::end() {
 
 bool Intervals::undo() {
   if (session_ || starts_.empty()) return false;
-  restore_cut(workpiece_, starts_.back().cut);
+  workpiece_.restore(starts_.back().cut);
   removed_ = starts_.back().removed;
   of_bodies_ = starts_.back().of_bodies;
   starts_.pop_back();

@@ -35,7 +35,7 @@ class Intervals {  // on one tooth
 
  private:
   struct Start {
-    LevelSet cut;
+    Workpiece::CutState cut;
     PerTissue<double> removed{};
     std::vector<double> of_bodies;
   };

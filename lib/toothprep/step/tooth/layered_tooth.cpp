@@ -228,7 +228,12 @@ std::size_t memory_bytes(const LayeredTooth& tooth) {
   add(tooth.tissue);
   add(tooth.solid);
   for (const auto& grid : tooth.remains) add(grid);
-  if (tooth.parts) add(tooth.parts->intact), add(tooth.parts->cut);
+  if (tooth.parts) {
+    add(tooth.parts->intact), add(tooth.parts->cut);
+    for (std::size_t k = 0; tooth.parts->tissues && k < tooth.remains.size(); ++k)
+      bytes += (*tooth.parts->tissues)[k].memory_bytes_beside(tooth.remains[k]);
+    if (tooth.parts->way) add(tooth.parts->way->deepest);
+  }
   if (tooth.bodies) add(tooth.bodies->of);
   return bytes;
 }
@@ -296,10 +301,13 @@ LevelSet carved_solid(const LevelSet& solid, const LevelSet& cut) {
 
 void apply_cut(LayeredTooth& tooth, const LevelSet& cut) {
   const LevelSet& solid = tooth.solid;
-  ToothParts parts = tooth.parts
-                         ? std::move(*tooth.parts)
-                         : ToothParts{solid, empty_level_set(solid.first_brick(),
-                                                             solid.brick_counts(), tooth.band())};
+  ToothParts parts =
+      tooth.parts
+          ? std::move(*tooth.parts)
+          : ToothParts{solid,
+                       empty_level_set(solid.first_brick(), solid.brick_counts(), tooth.band()),
+                       tooth.remains};
+  parts.way.reset();
   std::array<float, kBrickVoxels> values;
   for (std::size_t b = 0; b < cut.table_size(); ++b) {
     if (cut.is_uniform(b) && cut.uniform_value(b) < 0) continue;

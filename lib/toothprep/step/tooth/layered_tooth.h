@@ -4,6 +4,7 @@
 // remains: signed distances in mm, negative inside, clamped to a narrow band of three voxels.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <map>
 #include <optional>
@@ -12,6 +13,7 @@
 #include "toothprep/step/core/geometry.h"
 #include "toothprep/step/core/tissue.h"
 #include "toothprep/step/tooth/brick_grid.h"
+#include "toothprep/step/tooth/cut_way.h"
 #include "toothprep/step/tooth/packed_level_set.h"
 #include "toothprep/step/tooth/tooth_bodies.h"
 
@@ -38,6 +40,11 @@ struct ToothParts {
   LevelSet intact;  // the solid before anything was cut, mm
   LevelSet cut;     // what burs passed through, mm, negative inside (Workpiece::cut() has the
                     // opposite sign)
+  // Enamel, dentin and pulp of the intact tooth, mm: LayeredTooth::remains before anything was cut. Absent from older
+  // files.
+  std::optional<std::array<PackedLevelSet, 3>> tissues = std::nullopt;
+  std::optional<CutWay> way =
+      std::nullopt;  // of the last session's bur, unless something else cut since
 };
 
 struct LayeredTooth {  // the anatomy, and what remains of it
@@ -118,7 +125,7 @@ void apply_remaining_solid(LayeredTooth& tooth, LevelSet solid);
 [[nodiscard]] LevelSet carved_solid(const LevelSet& solid, const LevelSet& cut);
 
 // Carves the tooth by such a cut and keeps both surfaces in its parts; of a tooth that was cut
-// before, the union of the cuts.
+// before, the union of the cuts. The bur's way isn't known then.
 void apply_cut(LayeredTooth& tooth, const LevelSet& cut);
 
 }  // namespace toothprep

@@ -99,6 +99,15 @@ bool PackedLevelSet::share_negative(std::size_t index, const float* values,
   return true;
 }
 
+bool PackedLevelSet::same_brick(std::size_t index, const PackedLevelSet& copy) const noexcept {
+  const std::uint32_t place = places_[index];
+  if (place != copy.places_[index]) return false;
+  if (place <= kInside) return true;
+  if (place & kShared) return shared_.bricks == copy.shared_.bricks;
+  const std::size_t block = (place & ~kNegative) / kBlockRows;
+  return block < copy.blocks_.size() && blocks_[block] == copy.blocks_[block];
+}
+
 BrickGrid<float> PackedLevelSet::unpacked() const {
   BrickGrid<float> grid(first_brick(), brick_counts(), background(), {-background()});
   grid.reserve(table_size() - static_cast<std::size_t>(std::count_if(
@@ -115,6 +124,14 @@ BrickGrid<float> PackedLevelSet::unpacked() const {
 
 std::size_t PackedLevelSet::memory_bytes() const {
   return places_.size() * sizeof(std::uint32_t) + own_rows_ * PackedBrick::kRow * sizeof(float);
+}
+
+std::size_t PackedLevelSet::memory_bytes_beside(const PackedLevelSet& copy) const {
+  std::size_t rows = 0;
+  for (const auto& block : blocks_)
+    if (std::find(copy.blocks_.begin(), copy.blocks_.end(), block) == copy.blocks_.end())
+      rows += &block == &blocks_.back() ? used_rows_ : kBlockRows;
+  return places_.size() * sizeof(std::uint32_t) + rows * PackedBrick::kRow * sizeof(float);
 }
 
 }  // namespace toothprep

@@ -82,10 +82,15 @@ class PackedLevelSet : public BrickBox {  // mm; writing is not safe beside read
   // anything is stored here. Says whether it did.
   bool share_negative(std::size_t index, const float* values, const PackedLevelSet& other);
 
+  // Whether a brick is that of a copy of this level set, or of what this is a copy of: neither was stored since.
+  [[nodiscard]] bool same_brick(std::size_t index, const PackedLevelSet& copy) const noexcept;
+
   [[nodiscard]] BrickGrid<float> unpacked() const;  // bricks in the order of the table
 
   // Of table and bricks, but for those that are another field's.
   [[nodiscard]] std::size_t memory_bytes() const;
+  // The same without the storage that is this level set's as well: a copy of it, or what it was copied from.
+  [[nodiscard]] std::size_t memory_bytes_beside(const PackedLevelSet& copy) const;
   // The grid whose bricks it shares; as BrickGrid's.
   const SharedBricks<float>& shared() const { return shared_; }
 

@@ -185,6 +185,7 @@ LayeredTooth with_others_as_other(LayeredTooth tooth) {
     }
   }
   tooth.bodies.reset();
+  if (tooth.parts) tooth.parts->tissues.reset();
   return tooth;
 }
 

@@ -26,6 +26,7 @@
 #include "toothprep/step/core/errors.h"
 #include "toothprep/step/core/hash.h"
 #include "toothprep/step/core/huge_pages.h"
+#include "toothprep/tools/files/cut_way_text.h"
 #include "toothprep/tools/io/large_file.h"
 #include "toothprep/tools/io/trial.h"
 #include "toothprep/tools/io/write_file.h"
@@ -45,9 +46,13 @@ constexpr const char* kHashKey = "tooth_sha256";
 constexpr const char* kBodiesKey = "bodies";  // the list: "36:tooth,37:neighbour"
 constexpr const char* kBodyGrid = "body";
 constexpr const char* kVolumePrefix = "volume_mm3_";
-constexpr std::array<const char*, 6> kLevelSetNames = {"solid", "enamel", "dentin",
-                                                       "pulp",  "intact", "cut"};
-constexpr int kAlways = 4;  // of them in every tooth; the other two in one that was cut here
+constexpr const char* kWayGrid = "cut_by";  // of a tooth that was cut here: which part cut deepest
+constexpr const char* kWayKey = "bur_way";  // and the parts of the bur's way, on that grid
+constexpr std::array<const char*, 9> kLevelSetNames = {
+    "solid", "enamel",        "dentin",        "pulp",       "intact",
+    "cut",   "intact_enamel", "intact_dentin", "intact_pulp"};
+constexpr int kAlways = 4;   // of them in every tooth; the others in one that was cut here,
+constexpr int kTissues = 6;  // of which the last three may be missing
 constexpr int kDentin = 2;
 
 constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 33;  // of a file
@@ -63,18 +68,21 @@ constexpr double kTrialSeconds = 0.5, kTrialSecondsPerByte = 1e-7;  // CPU
 // 11 bits of three voxels.
 constexpr float kMostMismatch = 0.01F;
 
-// work(grid) for the level set of a name; the last two only of a tooth that has parts.
+// work(grid) for the level set of a name; the last five only of a tooth that has them.
 template <class Tooth, class Work>
 void with_level_set(Tooth& tooth, int k, const Work& work) {
   if (k == 0)
     work(tooth.solid);
   else if (k < kAlways)
     work(tooth.remains[static_cast<std::size_t>(k - 1)]);
-  else
+  else if (k < kTissues)
     work(k == kAlways ? tooth.parts->intact : tooth.parts->cut);
+  else
+    work((*tooth.parts->tissues)[static_cast<std::size_t>(k - kTissues)]);
 }
 int level_sets_of(const LayeredTooth& tooth) {
-  return tooth.parts ? static_cast<int>(kLevelSetNames.size()) : kAlways;
+  if (!tooth.parts) return kAlways;
+  return tooth.parts->tissues ? static_cast<int>(kLevelSetNames.size()) : kTissues;
 }
 
 std::string text_of(double value) { return fmt::format("{:.9g}", value); }
@@ -121,16 +129,20 @@ openvdb::math::Transform::Ptr transform_of(const Lattice& lattice) {
   return transform;
 }
 
+constexpr auto kEveryBrick = [](std::size_t) { return true; };
+
 // Copies bricks to leaves (same layout); uniform bricks become tiles. `is_active` says which voxels
-// are.
-template <class Grid, class Bricks, class IsActive>
-void fill_tree(Grid& grid, const Bricks& bricks, IsActive is_active) {
+// are, `is_wanted` which bricks.
+template <class Grid, class Bricks, class IsActive, class IsWanted = decltype(kEveryBrick)>
+void fill_tree(Grid& grid, const Bricks& bricks, IsActive is_active,
+               IsWanted is_wanted = kEveryBrick) {
   using Leaf = typename Grid::TreeType::LeafNodeType;
   using T = decltype(bricks.background());
   std::array<T, kBrickVoxels> unpacked;
   openvdb::tree::ValueAccessor<typename Grid::TreeType> tree(grid.tree());
   for (std::size_t b = 0; b < bricks.table_size(); ++b) {
     if (bricks.is_uniform(b) && bricks.uniform_value(b) == bricks.background()) continue;
+    if (!is_wanted(b)) continue;
     const Index3 first = bricks.brick_origin(b);
     const openvdb::Coord origin(first.x(), first.y(), first.z());
     const T* values = brick_values(bricks, b, unpacked);
@@ -197,6 +209,27 @@ Int32Grid::Ptr body_grid(const LayeredTooth& tooth) {
   }
   fill_tree(*grid, solid_only, [](std::uint8_t v) { return v != 0; });
   return grid;
+}
+
+// Which part of the bur's way cut deepest at each voxel, with the parts.
+Int32Grid::Ptr way_grid(const LayeredTooth& tooth) {
+  auto grid = Int32Grid::create(0);
+  if (!tooth.parts || !tooth.parts->way) return grid;
+  fill_tree(*grid, tooth.parts->way->deepest, [](float number) { return number != 0; });
+  describe(*grid, kWayGrid, tooth);
+  grid->insertMeta(kWayKey, openvdb::StringMetadata(cut_way_text(*tooth.parts->way)));
+  return grid;
+}
+
+// Whether what remains of a tissue isn't the intact one's there: only then a file has that.
+bool has_changed(const LayeredTooth& tooth, int tissue, std::size_t brick) {
+  const auto k = static_cast<std::size_t>(tissue);
+  const PackedLevelSet &intact = (*tooth.parts->tissues)[k], &remains = tooth.remains[k];
+  if (intact.same_brick(brick, remains)) return false;
+  std::array<float, kBrickVoxels> before, now;
+  intact.brick(brick).unpack(before.data());
+  remains.brick(brick).unpack(now.data());
+  return before != now;
 }
 
 // The archive goes to memory first: its id is derived from its bytes, and openvdb::io::File would
@@ -672,8 +705,19 @@ std::vector<FloatGrid::Ptr> find_level_sets(const std::string& path, const Archi
     refuse_grid(path, intact ? "cut" : "intact",
                 std::string("is missing, though there is '") + (intact ? "intact'" : "cut'"),
                 "a prepared tooth has both; delete the other to go by 'solid' alone");
+  std::size_t count = cut ? kTissues : kAlways, tissues = 0;
+  for (std::size_t k = kTissues; k < kLevelSetNames.size(); ++k)
+    tissues += has_grid(archive, kLevelSetNames[k]) ? 1 : 0;
+  if (tissues != 0) {
+    if (!cut || count + tissues != kLevelSetNames.size())
+      throw InputError(path, "",
+                       "has some of the grids 'intact_enamel', 'intact_dentin' and 'intact_pulp', "
+                       "but not all of them with 'intact' and 'cut'",
+                       "delete them to go by what remains of the tissues");
+    count = kLevelSetNames.size();
+  }
   std::vector<FloatGrid::Ptr> found;
-  for (std::size_t k = 0; k < (cut ? kLevelSetNames.size() : std::size_t{kAlways}); ++k)
+  for (std::size_t k = 0; k < count; ++k)
     found.push_back(find_grid<FloatGrid>(path, archive, kLevelSetNames[k], "float"));
   return found;
 }
@@ -717,6 +761,69 @@ void check_parts(const std::string& path, const LayeredTooth& tooth) {
   }
 }
 
+// What grinding left of the intact tissues is what the file has of them.
+void check_intact_tissue(const std::string& path, const LayeredTooth& tooth, std::size_t k) {
+  if (!tooth.parts || !tooth.parts->tissues) return;
+  const PackedLevelSet &intact = (*tooth.parts->tissues)[k], &remains = tooth.remains[k];
+  const float most = kMostMismatch * static_cast<float>(tooth.lattice.voxel);
+  std::array<float, kBrickVoxels> before, now;
+  for (std::size_t b = 0; b < remains.table_size(); ++b) {
+    if (intact.same_brick(b, remains)) continue;
+    intact.brick(b).unpack(before.data());
+    remains.brick(b).unpack(now.data());
+    const float* solid = tooth.solid.brick(b);
+    for (int v = 0; v < kBrickVoxels; ++v)
+      if (now[v] != before[v] && !(std::abs(now[v] - std::max(before[v], solid[v])) <= most))
+        refuse_grid(path, kLevelSetNames[k + kTissues],
+                    std::string("is at odds with '") + kLevelSetNames[k + 1] + "' and 'solid'",
+                    "delete 'intact_enamel', 'intact_dentin' and 'intact_pulp' to go by what "
+                    "remains of the tissues");
+  }
+}
+
+// A grid of whole numbers from 0 to `most` on the tooth's lattice, into bricks.
+template <class T>
+void read_numbers(const std::string& path, const Archive& archive, const LayeredTooth& tooth,
+                  const char* name, std::size_t most, BrickGrid<T>& to) {
+  const Int32Grid::Ptr grid = find_grid<Int32Grid>(path, archive, name, "int32");
+  const Lattice own = lattice_of(path, name, *grid);
+  if (!(std::abs(own.voxel - tooth.lattice.voxel) <= 1e-6 * own.voxel &&
+        (own.origin - tooth.lattice.origin).cwiseAbs().maxCoeff() <= 1e-4 * own.voxel))
+    refuse_grid(path, name, "lies on another lattice than the grid 'tissue'",
+                "resample all grids to one transform");
+  const auto number = [&](openvdb::Int32 v) {
+    if (v < 0 || static_cast<std::size_t>(v) > most)
+      refuse_grid(path, name,
+                  "holds the number " + std::to_string(v) + ", but its list has " +
+                      std::to_string(most) + " entries");
+    return static_cast<T>(v);
+  };
+  const auto numbers = [&](const openvdb::Int32* source, T* target) {
+    for (int v = 0; v < kBrickVoxels; ++v) target[v] = number(source[v]);
+  };
+  fill_bricks(to, LeafValues(path, archive, *grid), *grid, numbers, number,
+              [&](std::size_t b, const T* values) { to.set_brick(b, values); });
+}
+
+// The bur's way, of a file that has it.
+void read_way(const std::string& path, const Archive& archive, LayeredTooth& tooth) {
+  if (!has_grid(archive, kWayGrid)) return;
+  constexpr const char* kRemedy = "delete the grid 'cut_by' to go by the cut alone";
+  if (!tooth.parts) refuse_grid(path, kWayGrid, "is there without 'intact' and 'cut'", kRemedy);
+  const auto text = find_text(*find_grid<Int32Grid>(path, archive, kWayGrid, "int32"), kWayKey);
+  if (!text) refuse_grid(path, kWayGrid, "has no metadata 'bur_way'", kRemedy);
+  try {
+    CutWay way = parse_cut_way(*text);
+    way.deepest = BrickGrid<float>(tooth.solid.first_brick(), tooth.solid.brick_counts(), 0, {0});
+    read_numbers(path, archive, tooth, kWayGrid, way.parts.size(), way.deepest);
+    tooth.parts->way = std::move(way);
+  } catch (const InputError&) {
+    throw;
+  } catch (const Error& e) {
+    throw InputError(path, kWayKey, e.what(), kRemedy);
+  }
+}
+
 // The list of bodies and whose each voxel is, of a file that has both.
 void read_bodies(const std::string& path, const Archive& archive, LayeredTooth& tooth) {
   if (!has_grid(archive, kBodyGrid)) return;
@@ -726,27 +833,10 @@ void read_bodies(const std::string& path, const Archive& archive, LayeredTooth& 
   if (!text)
     throw InputError(path, kBodiesKey, "is absent, though there is a grid 'body'",
                      "delete the grid, or name the bodies: \"36:tooth,37:neighbour\"");
-  const Int32Grid::Ptr grid = find_grid<Int32Grid>(path, archive, kBodyGrid, "int32");
-  const Lattice own = lattice_of(path, kBodyGrid, *grid);
-  if (!(std::abs(own.voxel - tooth.lattice.voxel) <= 1e-6 * own.voxel &&
-        (own.origin - tooth.lattice.origin).cwiseAbs().maxCoeff() <= 1e-4 * own.voxel))
-    refuse_grid(path, kBodyGrid, "lies on another lattice than the grid 'tissue'",
-                "resample all grids to one transform");
   try {
     std::vector<Body> list = parse_bodies(*text);
     LabelGrid of = make_body_grid(tooth.tissue, list.size());
-    const auto number = [&](openvdb::Int32 v) {
-      if (v < 0 || v > static_cast<openvdb::Int32>(list.size()))
-        refuse_grid(path, kBodyGrid,
-                    "holds the number " + std::to_string(v) + ", but the list has " +
-                        std::to_string(list.size()) + " bodies");
-      return static_cast<std::uint8_t>(v);
-    };
-    const auto numbers = [&](const openvdb::Int32* source, std::uint8_t* target) {
-      for (int v = 0; v < kBrickVoxels; ++v) target[v] = number(source[v]);
-    };
-    fill_bricks(of, LeafValues(path, archive, *grid), *grid, numbers, number,
-                [&](std::size_t b, const std::uint8_t* values) { of.set_brick(b, values); });
+    read_numbers(path, archive, tooth, kBodyGrid, list.size(), of);
     set_bodies(tooth, std::move(list), std::move(of));
   } catch (const InputError&) {
     throw;
@@ -764,8 +854,14 @@ void store_level_set(LayeredTooth& tooth, int k, LevelSet& bricks, std::size_t b
     return;
   bricks.set_brick(b, values);
 }
-void store_level_set(LayeredTooth& tooth, int k, PackedLevelSet& /*remains*/, std::size_t b,
+void store_level_set(LayeredTooth& tooth, int k, PackedLevelSet& bricks, std::size_t b,
                      const float* values) {
+  if (k >= kTissues) {  // a copy of what remains, of which the file has what differs
+    std::array<float, kBrickVoxels> now;
+    bricks.brick(b).unpack(now.data());
+    if (std::memcmp(now.data(), values, sizeof now) != 0) bricks.set_brick(b, values);
+    return;
+  }
   set_remains(tooth, static_cast<std::size_t>(k - 1), b, values);
 }
 
@@ -830,12 +926,21 @@ LayeredTooth tooth_of(const std::string& path, const Archive& archive, bool para
   // others of enamel and pulp are the negative of dentin's.
   tooth.solid.freeze();
   tooth.tissue.freeze();
-  std::vector<int> first = {kDentin}, then = {kDentin - 1, kDentin + 1};
-  for (int k = kAlways; k < level_sets_of(tooth); ++k) first.push_back(k);
-  for (const std::vector<int>& some : {first, then})
+  const auto fill = [&](const std::vector<int>& some) {
     for_each_grid(static_cast<int>(some.size()), parallel,
                   [&](int job) { fill_level_set(some[static_cast<std::size_t>(job)]); });
+  };
+  fill(tooth.parts ? std::vector<int>{kDentin, kAlways, kAlways + 1} : std::vector<int>{kDentin});
+  fill({kDentin - 1, kDentin + 1});
   check_parts(path, tooth);
+  if (level_sets.size() > kTissues) {
+    tooth.parts->tissues = tooth.remains;
+    for_each_grid(3, parallel, [&](int k) {
+      fill_level_set(kTissues + k);
+      check_intact_tissue(path, tooth, static_cast<std::size_t>(k));
+    });
+  }
+  read_way(path, archive, tooth);
   read_bodies(path, archive, tooth);
 
   static const std::set<std::string> kOwn = {kSchemaKey, kVersionKey, kVoxelKey, kHashKey,
@@ -909,7 +1014,7 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
   describe(*tissue, "tissue", tooth);
   for (int k = 0; k < level_sets_of(tooth); ++k) {
     level_sets[k] = FloatGrid::create(tooth.solid.background());
-    level_sets[k]->setGridClass(openvdb::GRID_LEVEL_SET);
+    if (k < kTissues) level_sets[k]->setGridClass(openvdb::GRID_LEVEL_SET);  // as a whole
     describe(*level_sets[k], kLevelSetNames[k], tooth);
     grids.push_back(level_sets[k]);
   }
@@ -919,19 +1024,29 @@ void write_tooth(const LayeredTooth& tooth, const std::string& path) {
     body->insertMeta(kBodiesKey, openvdb::StringMetadata(bodies_text(tooth.bodies->list)));
     grids.push_back(body);
   }
+  Int32Grid::Ptr way;
   openvdb::MetaMap meta;
-  tbb::parallel_for(0, 2 + level_sets_of(tooth), [&](int job) {
-    if (job == 0) {
+  tbb::parallel_for(-1, 2 + level_sets_of(tooth), [&](int job) {
+    if (job == -1) {
+      way = way_grid(tooth);
+    } else if (job == 0) {
       meta = file_metadata(tooth);
     } else if (job == 1) {
       fill_tree(*tissue, tooth.tissue, [](std::uint8_t v) { return v != 0; });
     } else {
       const float band = tooth.solid.background();
-      with_level_set(tooth, job - 2, [&](const auto& bricks) {
-        fill_tree(*level_sets[job - 2], bricks, [band](float v) { return std::abs(v) < band; });
+      const int k = job - 2;
+      const auto in_band = [band](float v) { return std::abs(v) < band; };
+      with_level_set(tooth, k, [&](const auto& bricks) {
+        if (k < kTissues)
+          fill_tree(*level_sets[k], bricks, in_band);
+        else
+          fill_tree(*level_sets[k], bricks, in_band,
+                    [&](std::size_t b) { return has_changed(tooth, k - kTissues, b); });
       });
     }
   });
+  if (tooth.parts && tooth.parts->way) grids.push_back(way);
   // Programs that rewrite a .vdb tend to keep the grids' metadata and drop the file's.
   for (const auto& grid : grids) grid->insertMeta(kHashKey, *meta[kHashKey]);
   std::string bytes = archive_of(grids, meta);
