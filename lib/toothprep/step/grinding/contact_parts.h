@@ -2,6 +2,8 @@
 // contact_slots.cpp and contact_sweeps.cpp share. Internal to contact*.cpp.
 #pragma once
 
+#include <cstdint>
+
 #include "toothprep/step/grinding/contact_cut.h"
 
 namespace toothprep {
@@ -44,6 +46,12 @@ struct ContactModel::Parts {
   explicit Parts(const BorderOf& border_of) : count_(kCount) {
     for (int k = 0; k < kCount; ++k) borders_[k] = border_of(k, Part(k));
   }
+  // What lies under another border of part k counts as well, as void. The border rises by `rise` per mm of way.
+  void divide(int k, const Borders& other, const Float4& rise) {
+    if (!any(other.value + magnitude(other.along) + magnitude(other.around) > 0)) return;
+    others_[other_count_] = {other, rise};
+    other_of_[k] = static_cast<std::int8_t>(++other_count_);
+  }
   // All of the piece as one part.
   explicit Parts(const Borders& border) : borders_{border}, count_(1) {}
 
@@ -85,7 +93,8 @@ struct ContactModel::Parts {
       Borders of = borders_[k];
       of.value += doubt_;
       if (rises) of.value += way * rises[k];
-      const CoveredPart<Float4> covered = of.part();
+      CoveredPart<Float4> covered = of.part();
+      if (other_of_[k] > 0) under_both(of, others_[other_of_[k] - 1], rises ? way : 0, covered);
       const Float4 share = part.weight() * covered.share;
       sum.share += share;
       sum.x += share * (part.x + part.half_along * covered.x);
@@ -96,8 +105,28 @@ struct ContactModel::Parts {
   }
 
  private:
+  struct Other {
+    Borders border;
+    Float4 rise;
+  };
   Part number(int k) const { return count_ == 1 ? Part::whole() : Part(k); }
+  // Of the lanes that the other border divides.
+  static void under_both(const Borders& one, const Other& other, float way,
+                         CoveredPart<Float4>& covered) {
+    Borders second = other.border;
+    second.value += way * other.rise;
+    const Int4 divides = second.value + magnitude(second.along) + magnitude(second.around) > 0;
+    for (int p = 0; p < 4; ++p) {
+      if (!divides[p]) continue;
+      const CoveredPart<float> under = covered_by_all({one.line(p), second.line(p)});
+      covered.share[p] = under.share, covered.x[p] = under.x, covered.y[p] = under.y;
+    }
+  }
+
   Borders borders_[kCount];
+  Other others_[kCount];
+  std::int8_t other_of_[kCount] = {};  // 1 + its place among others_
+  int other_count_ = 0;
   Float4 doubt_{};
   int count_;
 };

@@ -41,6 +41,8 @@ constexpr double kLong = 1;
 constexpr SweepHistory::Number kNext = 3;
 // Where parts don't tell they aren't looked for again for so much of the way (voxels): ahead of pieces, at one place.
 constexpr double kNoPartsAhead = 1, kNoPartsHere = 0.5;
+// Walls whose normals differ by less than this cosine's angle are as good as one.
+constexpr float kTurnsAway = 0.95f;
 // A border moves on for so much of the way (voxels), or until a share has changed by so much.
 constexpr float kStraightMoves = 0.2f, kBentMoves = 0.5f;
 // Of a piece: less is covered, or left, of those that a border only begins to cross, or is about to leave.
@@ -174,6 +176,18 @@ struct ContactModel::NearSweeps {
     return true;
   }
 
+  // Those around pieces with their middles `here` and `far`, and `on` (voxels) ahead of them; `beside` gives their corners.
+  // Whether they tell and are known.
+  template <class Beside>
+  bool find_around(const Place& here, const Place& far, const Eigen::Vector3f& on,
+                   const Beside& beside) noexcept {
+    meet(Place{scan.frame, here.x + on.x(), here.y + on.y(), here.z + on.z()}), meet(far);
+    for (const float y : {-kNearCorner, kNearCorner})
+      for (const float x : {-kNearCorner, kNearCorner}) meet(beside(here, x, y));
+    meet(here);
+    return any(known) && tell() && find();
+  }
+
   KnownSweep::Sample at(const Place& place) const noexcept {
     KnownSweep::Sample taken{all4(kNothing), Float4{}, Float4{}, Float4{}};
     for (int k = 0; k < count; ++k)
@@ -181,7 +195,32 @@ struct ContactModel::NearSweeps {
     return taken;
   }
 
-  // The same, of what is left after leaving out those that are shallower than others, there and as far around as `around`
+  // The same, and of the parts that may end within `rim` (mm) of the place that which goes most across the deepest one: in
+  // the corner between two of them, one border alone would leave too much.
+  struct Walls {
+    KnownSweep::Sample deepest, across;
+  };
+  Walls walls_at(const Place& place, const Float4& rim) const noexcept {
+    const KnownSweep::Sample none{all4(kNothing), Float4{}, Float4{}, Float4{}};
+    KnownSweep::Sample of[kMost];
+    Walls walls{none, none};
+    for (int k = 0; k < count; ++k) {
+      of[k] = sweeps[k]->at(place.x, place.y, place.z);
+      walls.deepest = KnownSweep::deeper(walls.deepest, of[k]);
+    }
+    const KnownSweep::Sample& to = walls.deepest;
+    const auto voxel = static_cast<float>(scan.workpiece.voxel());
+    Float4 least = all4(kTurnsAway * voxel * voxel);
+    for (int k = 0; k < count; ++k) {
+      const Float4 dot = of[k].gx * to.gx + of[k].gy * to.gy + of[k].gz * to.gz;
+      const Int4 better = (of[k].value > -rim) & (of[k].value < to.value) & (dot < least);
+      walls.across = KnownSweep::chosen(better, of[k], walls.across);
+      least = better ? dot : least;
+    }
+    return walls;
+  }
+
+  // The same as at(), of what is left after leaving out those that are shallower than others, there and as far around as `around`
   // (mm).
   KnownSweep::Sample at_and_keep_deepest(const Place& place, const Float4& around) noexcept {
     KnownSweep::Sample of[kMost];
@@ -332,13 +371,7 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
                  from.z + (a[6] * d.x + a[7] * d.y + a[8] * d.z)};
   };
   NearSweeps near(*this, scan, wanted);
-  const Eigen::Vector3f on = kAheadOfPiece * voxel * s.unit;
-  const Place ahead{scan.frame, here.x + on.x(), here.y + on.y(), here.z + on.z()};
-  near.meet(ahead), near.meet(far);
-  for (const float y : {-kNearCorner, kNearCorner})
-    for (const float x : {-kNearCorner, kNearCorner}) near.meet(beside(here, x, y));
-  near.meet(here);
-  if (!any(near.known) || !near.tell() || !near.find()) {
+  if (!near.find_around(here, far, kAheadOfPiece * voxel * s.unit, beside)) {
     *s.parts_from = way_ + kNoPartsAhead * static_cast<double>(voxel);
     return Int4{};
   }
@@ -377,9 +410,13 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   if (any(good & bent)) {
     const float on_way = kOnWay * voxel, per_way = 1 / on_way;
     Float4 rises[Parts::kCount];
+    KnownSweep::Sample across[Parts::kCount];
     Parts parts([&](int k, const Parts::Part& part) {
       const Place place = beside(here, part.x, part.y);
-      const KnownSweep::Sample taken = near.at(place);
+      const NearSweeps::Walls walls = near.walls_at(
+          place, part.half_along * cut.half_along + part.half_around * cut.half_around);
+      const KnownSweep::Sample& taken = walls.deepest;
+      across[k] = walls.across;
       rises[k] = rise_of(taken);
       // Where a part of the way ends in front of the piece, another one takes over.
       if (any(good & (magnitude(rises[k]) > kAlongWalls))) {
@@ -389,6 +426,9 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
       }
       return border_of_part(part, taken);
     });
+    for (int k = 0; k < Parts::kCount; ++k)
+      if (any(across[k].value > kNothing))
+        parts.divide(k, border_of_part(Parts::Part(k), across[k]), rise_of(across[k]));
     parts.cover(cut, good, kThinSlot * voxel, s);
     const CoveredPart<Float4> later = parts.covered(on_way, rises);
     s.per_way = {per_way * (later.share - s.share), per_way * (later.x - s.x),
