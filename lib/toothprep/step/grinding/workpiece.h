@@ -36,8 +36,9 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   ~Workpiece();
 
   const LayeredTooth& tooth() const { return tooth_; }  // as given: never carved
-  // What there was before anything that cut() knows was cut, mm: the solid, and enamel, dentin and pulp.
+  // The solid before anything that cut() knows was cut, mm.
   const LevelSet& solid() const { return *solid_; }
+  // Enamel, dentin and pulp before that, mm; what remains of them where the tooth keeps no other.
   const std::array<PackedLevelSet, 3>& tissues() const { return *tissues_; }
   const Lattice& lattice() const { return tooth_.lattice; }  // the tooth's and the cut's
   double voxel() const { return tooth_.lattice.voxel; }      // D, mm
@@ -49,13 +50,13 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   const LevelSet& cut() const { return cut_; }  // mm, negative where nothing was cut
   // Whoever writes into the cut marks the brick in changed().
   LevelSet& cut() { return cut_; }
-  // The cut as it is now, with what belongs to it, and as it was then, in the storage that was reserved for it.
-  struct CutState {
-    LevelSet cut;
-    std::uint64_t way = 0;   // which bur's
-    std::int32_t parts = 0;  // of that way
+  struct CutState {          // the cut at some time, to go back to
+    LevelSet cut;            // mm, as cut()
+    std::uint64_t way = 0;   // which bur's it was
+    std::int32_t parts = 0;  // how many that way had
   };
-  [[nodiscard]] CutState cut_state() const;
+  [[nodiscard]] CutState cut_state() const;  // as it is now
+  // The cut as it was, in the storage that was reserved for it. Marks what changes in changed().
   void restore(const CutState& before);
   // Bricks of the cut that changed since they were last taken, for a display.
   const ChangedBricks& changed() const { return changed_; }

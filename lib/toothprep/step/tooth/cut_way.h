@@ -18,6 +18,7 @@ struct StraightPart {
   bool goes_on = false;     // from where the part before it ended
 };
 
+// The straight parts of a bur's way through a tooth's cut, and which of them cut deepest where.
 struct CutWay {
   std::string head;                 // of the bur: its outline, as outline_text() has it
   std::vector<StraightPart> parts;  // in the order in which they were cut
