@@ -100,8 +100,7 @@ TEST(FurtherSession, HasTheWorkOfOneLongSession) {
   EXPECT_NEAR(cut_along(second, second_slot(), kSameBur).work, of_second, 1e-4 * of_first);
 }
 
-// The bound is that of a cut of which nothing but the lattice is known; by what remains alone, without the intact tissues,
-// 2 % of the slot were missing where the tissues meet.
+// To the bit if the tooth keeps its intact tissues; else nearly, by what remains of them.
 TEST(FurtherSession, WithAnotherBurFindsTheSameTissues) {
   for (const bool keeps_tissues : {true, false}) {
     const LayeredTooth tooth = small_block();

@@ -170,6 +170,13 @@ TEST(OverlappingPasses, BackThroughItsOwnSlotBesideAnEarlierOneABurFeelsNothing)
   }
 }
 
+// The last pass takes what is left over a step between two layers, in the corner of a floor and a wall.
+TEST(OverlappingPasses, AChipInTheCornerOfAFloorAndAWallHasItsEnergy) {
+  Passes p{"cylinder:D1.2xL3.0", 0.2, 0, 0, 0.6, {0, -0.244, 0.075, -0.091}};
+  p.deeper = {0, 0, 0.13, 0.13};
+  EXPECT_LT(errors_of(p, 0.05, 0.003, 0.0005).beyond, 0.9);
+}
+
 // A ridge between two earlier slots some micrometres high, which the bur took between two rows of the lattice's points.
 TEST(OverlappingPasses, BackOverARidgeThatTheLatticeDoesNotShowToBeGoneABurFeelsNothing) {
   const Passes cases[] = {
