@@ -21,6 +21,11 @@ inline Quat upright_leant(double across, double along) {
               Eigen::AngleAxisd(-units::kPi / 2, Vec3::UnitX()));
 }
 
+struct LeantBur {
+  const char* bur;
+  double across, along;  // rad
+};
+
 struct Passes {
   const char* bur;
   double depth;          // of the tip below the top face, mm
@@ -31,10 +36,17 @@ struct Passes {
   double element_size = 0;  // mm; 0: the default
   bool forgets = false;  // back in a new session, which knows of the cut but not of the bur's way
   std::vector<double> deeper = {};  // than `depth`, of each pass, mm; empty: none
-  // Each pass in a session of its own on the tooth that the one before left, with what that keeps of the bur's way, or
-  // without it, as of another bur.
+  // Each pass in a session of its own on the tooth that the one before left, with what that keeps of the burs' ways, or
+  // without it, as after the other engine.
   bool each_alone = false, way_unknown = false;
+  std::vector<LeantBur> others = {};  // of the passes after the first; empty: as that. Each in a session of its own
 
+  LeantBur bur_of(std::size_t pass) const {
+    return pass == 0 || others.empty() ? LeantBur{bur, across, along} : others[pass - 1];
+  }
+  Quat lean_of(std::size_t pass) const {
+    return upright_leant(bur_of(pass).across, bur_of(pass).along);
+  }
   double depth_of(std::size_t pass) const { return depth + (deeper.empty() ? 0 : deeper[pass]); }
 };
 
@@ -42,15 +54,21 @@ struct Work {
   double pass = 0, back = 0;  // mJ: along the pass, and back through its own slot
 };
 
+// Of each pass.
+inline std::vector<Bur> burs_of(const Passes& p) {
+  std::vector<Bur> burs;
+  for (std::size_t i = 0; i < p.z.size(); ++i) burs.push_back(make_bur(p.bur_of(i).bur, ""));
+  return burs;
+}
+
 inline std::vector<Work> work_of(const Passes& p, double voxel) {
-  const Bur bur = make_bur(p.bur, "");
+  const std::vector<Bur> burs = burs_of(p);
   LayeredTooth tooth = block(voxel, p.enamel, Vec3(kLength, 3, 4));
   Parameters parameters = paper_without_stall();
   parameters.element_size = p.element_size;
-  const Quat q = upright_leant(p.across, p.along);
   std::optional<Workpiece> workpiece(std::in_place, tooth);
-  HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), q}, kPedalButton};
-  std::optional<Session> session(std::in_place, bur, *workpiece, parameters, Drive::kDirect,
+  HandleSample handle{0, Pose{Vec3(-kStart, -p.depth, p.z.front()), p.lean_of(0)}, kPedalButton};
+  std::optional<Session> session(std::in_place, burs[0], *workpiece, parameters, Drive::kDirect,
                                  handle);
   StepRecord last;
   const auto cut_to = [&](double x, Session& by) {
@@ -66,14 +84,16 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
   std::vector<Work> work;
   for (std::size_t i = 0; i < p.z.size(); ++i) {
     // To the start of the pass with the motor off: nothing is ground on the way.
-    handle.pose.position = Vec3(-kStart, -p.depth_of(i), p.z[i]);
-    if (p.each_alone && i > 0) {
+    handle.pose = Pose{Vec3(-kStart, -p.depth_of(i), p.z[i]), p.lean_of(i)};
+    if (i > 0 && (p.each_alone || !p.others.empty())) {
       session->finish(last);
       session.reset();
-      apply_cut(tooth, *workpiece);
-      if (p.way_unknown) tooth.parts->way.reset();
-      workpiece.emplace(tooth);
-      session.emplace(bur, *workpiece, parameters, Drive::kDirect, handle);
+      if (p.each_alone) {
+        apply_cut(tooth, *workpiece);
+        if (p.way_unknown) tooth.parts->way.reset();
+        workpiece.emplace(tooth);
+      }
+      session.emplace(burs[i], *workpiece, parameters, Drive::kDirect, handle);
     }
     handle.buttons = 0;
     session->step(handle);
@@ -85,7 +105,7 @@ inline std::vector<Work> work_of(const Passes& p, double voxel) {
       apply_cut(left, *workpiece);
       left.parts->way.reset();
       Workpiece without_way(left);
-      Session other(bur, without_way, parameters, Drive::kDirect, handle);
+      Session other(burs[i], without_way, parameters, Drive::kDirect, handle);
       work.push_back({pass, cut_to(-kStart, other)});
     } else {
       work.push_back({pass, cut_to(-kStart, *session)});
@@ -139,12 +159,14 @@ inline double work_per_mm_in_the_middle(const Passes& p, double voxel) {
 }
 
 inline std::vector<double> energy_of(const Passes& p) {
-  std::vector<Vec3> tips;
-  for (std::size_t i = 0; i < p.z.size(); ++i) tips.emplace_back(0, -p.depth_of(i), p.z[i]);
+  const std::vector<Bur> burs = burs_of(p);
+  std::vector<reference::StraightPass> passes;
+  for (std::size_t i = 0; i < p.z.size(); ++i)
+    passes.push_back(
+        {p.others.empty() ? &burs[0] : &burs[i], p.lean_of(i), Vec3(0, -p.depth_of(i), p.z[i])});
   std::vector<double> energy;
-  for (const PerTissue<double>& area :
-       reference::newly_swept_sections(make_bur(p.bur, ""), upright_leant(p.across, p.along), tips,
-                                       reference::Block{Vec3(kLength, 3, 4), p.enamel}))
+  for (const PerTissue<double>& area : reference::newly_swept_sections(
+           passes, reference::Block{Vec3(kLength, 3, 4), p.enamel}))
     energy.push_back(kLength * (300 * area[0] + 100 * area[1]));
   return energy;
 }

@@ -15,19 +15,20 @@ auto drawn_between(std::mt19937& numbers) {
   };
 }
 
+struct Head {
+  const char* name;
+  double diameter;  // mm
+};
+constexpr Head kHeads[] = {{"ball:D1.2", 1.2},
+                           {"ball:D0.9", 0.9},
+                           {"cylinder:D1.2xL3.0", 1.2},
+                           {"taper:D1.4xL4.0xA4", 1.4},
+                           {"inverted-cone:D1.2xL1.6xA8", 1.2},
+                           {"cylinder:D1.2xL4.0xR0.3", 1.2}};
+
 // Three passes, 0.02 to 0.5 D apart, either way; 0.15 to 1 mm deep, leant by up to 0.35 rad.
 Passes drawn(std::mt19937& numbers) {
   const auto between = drawn_between(numbers);
-  struct Head {
-    const char* name;
-    double diameter;  // mm
-  };
-  constexpr Head kHeads[] = {{"ball:D1.2", 1.2},
-                             {"ball:D0.9", 0.9},
-                             {"cylinder:D1.2xL3.0", 1.2},
-                             {"taper:D1.4xL4.0xA4", 1.4},
-                             {"inverted-cone:D1.2xL1.6xA8", 1.2},
-                             {"cylinder:D1.2xL4.0xR0.3", 1.2}};
   constexpr double kEnamel[] = {0.3, 0.6, 2};
   const Head& head = kHeads[numbers() % std::size(kHeads)];
   Passes p{head.name,
@@ -79,6 +80,8 @@ Spread spread_at(double voxel, Passes (*draw)(std::mt19937&) = drawn) {
     std::printf("%2d: %.2f mm, enamel %.1f, z", s.cases, p.depth, p.enamel);
     for (std::size_t i = 1; i < p.z.size(); ++i)
       std::printf(" %+.3f/%.2f", p.z[i], p.depth_of(i) - p.depth);
+    for (const LeantBur& other : p.others)
+      std::printf(", %s %+.2f %+.2f", other.bur, other.across, other.along);
     std::printf("; ");
     const Errors e = errors_of(p, voxel, coarse ? 0.01 : 0.003, coarse ? 0.002 : 0.0005);
     s.beyond += e.beyond > 1, s.back += e.back > 0.001;
@@ -105,7 +108,22 @@ Passes found(std::mt19937& numbers) {
   p.each_alone = true;
   return p;
 }
-// The same where of what earlier ones took the lattice alone tells, as of another bur's. README.md in step/grinding has
+// The same with a bur and a lean of its own for each; of layers, for each layer.
+template <Passes (*kDraw)(std::mt19937&)>
+Passes found_by_others(std::mt19937& numbers) {
+  Passes p = found<kDraw>(numbers);
+  const auto between = drawn_between(numbers);
+  const auto another = [&] {
+    return LeantBur{kHeads[numbers() % std::size(kHeads)].name, between(-0.35, 0.35),
+                    between(-0.35, 0.35)};
+  };
+  if (p.deeper.empty())
+    p.others = {another(), another()};
+  else
+    p.others = {p.bur_of(0), another()}, p.others.push_back(p.others.back());
+  return p;
+}
+// The same where of what earlier ones took the lattice alone tells, as after the other engine. README.md in step/grinding has
 // which layers are beyond what is allowed then.
 template <Passes (*kDraw)(std::mt19937&)>
 Passes found_by_lattice(std::mt19937& numbers) {
@@ -130,6 +148,12 @@ TEST(DrawnPasses, AreRightBesideThoseOfAnotherSessionAtATenthOfAMillimetre) {
 TEST(DrawnPasses, AreRightBesideThoseOfAnotherSessionAtHalfOfThat) {
   expect_small(spread_at(0.05, found<drawn>));
 }
+TEST(DrawnPasses, AreRightBesideThoseOfOtherBursAndLeansAtATenthOfAMillimetre) {
+  expect_small(spread_at(0.1, found_by_others<drawn>));
+}
+TEST(DrawnPasses, AreRightBesideThoseOfOtherBursAndLeansAtHalfOfThat) {
+  expect_small(spread_at(0.05, found_by_others<drawn>));
+}
 TEST(DrawnPasses, AreRightByTheLatticeAloneAtATenthOfAMillimetre) {
   expect_small(spread_at(0.1, found_by_lattice<drawn>));
 }
@@ -148,6 +172,13 @@ TEST(DrawnLayers, AreRightOverThoseOfAnotherSessionAtATenthOfAMillimetre) {
 }
 TEST(DrawnLayers, AreRightOverThoseOfAnotherSessionAtHalfOfThat) {
   expect_small(spread_at(0.05, found<drawn_layers>), 0.33);
+}
+
+TEST(DrawnLayers, AreRightOverThoseOfAnotherBurAndLeanAtATenthOfAMillimetre) {
+  expect_small(spread_at(0.1, found_by_others<drawn_layers>), 0.33);
+}
+TEST(DrawnLayers, AreRightOverThoseOfAnotherBurAndLeanAtHalfOfThat) {
+  expect_small(spread_at(0.05, found_by_others<drawn_layers>), 0.33);
 }
 
 TEST(DrawnLayers, AreNearlyRightByTheLatticeAloneAtATenthOfAMillimetre) {

@@ -240,13 +240,16 @@ TEST_F(ToothFile, APreparedToothKeepsItsIntactSurfaceAndTheCut) {
   EXPECT_TRUE(read_tooth(path("c.vdb")).parts) << "half floats are no contradiction";
 }
 
-// The same, with a bur's way of two parts through it.
+// The same, with ways of two burs through it, a part each.
 LayeredTooth cut_block_with_way() {
   LayeredTooth tooth = cut_block();
-  CutWay way{"line 0 0 0.6 0; line 0.6 0 0.6 3; line 0.6 3 0 3", {}, {}};
+  CutWay way{{"line 0 0 0.6 0; line 0.6 0 0.6 3; line 0.6 3 0 3",
+              "arc 0 0 0.5 0.5 0 0.5 convex; line 0.5 0.5 0.5 2; line 0.5 2 0 2"},
+             {},
+             {}};
   const Quat leant(Eigen::AngleAxisd(0.3, Vec3(1, 2, 3).normalized()));
   way.parts.push_back({Pose{Vec3(1.0 / 3, -2e-7, 0.1), leant}, Vec3(0.7, 1e-3, 0), 1e-5, false});
-  way.parts.push_back({Pose{Vec3(1, 0, 0.1), leant}, Vec3(0, 0, 0.2), 0, true});
+  way.parts.push_back({Pose{Vec3(1, 0, 0.1), leant}, Vec3(0, 0, 0.2), 0, true, 1});
   way.deepest = BrickGrid<float>(tooth.solid.first_brick(), tooth.solid.brick_counts(), 0, {0});
   std::array<float, kBrickVoxels> numbers{};
   for (std::size_t b = 0; b < way.deepest.table_size(); b += 2) {
@@ -277,7 +280,7 @@ TEST_F(ToothFile, APreparedToothKeepsItsIntactTissuesAndTheBursWay) {
     }
   }
   EXPECT_GT(changed, 500);
-  EXPECT_EQ(is.head, was.head);
+  EXPECT_EQ(is.heads, was.heads);
   ASSERT_EQ(is.parts.size(), was.parts.size());
   for (std::size_t n = 0; n < is.parts.size(); ++n) {
     EXPECT_EQ(is.parts[n].from.position, was.parts[n].from.position);
@@ -285,6 +288,7 @@ TEST_F(ToothFile, APreparedToothKeepsItsIntactTissuesAndTheBursWay) {
     EXPECT_EQ(is.parts[n].way, was.parts[n].way);
     EXPECT_EQ(is.parts[n].aside, was.parts[n].aside);
     EXPECT_EQ(is.parts[n].goes_on, was.parts[n].goes_on);
+    EXPECT_EQ(is.parts[n].head, was.parts[n].head);
   }
   write_tooth(again, path("b.vdb"));
   EXPECT_EQ(bytes_of(path("a.vdb")), bytes_of(path("b.vdb")));
@@ -341,15 +345,25 @@ TEST_F(ToothFile, IntactTissuesAndAWayThatCannotBeTheToothsAreRefusedByName) {
     });
   };
   EXPECT_THAT(text([](std::string& now) { now.resize(now.size() / 2); }),
-              HasSubstr("bur_way: isn't JSON with head, columns and parts"));
+              HasSubstr("bur_way: isn't JSON with heads, columns and parts"));
   EXPECT_THAT(text([](std::string& now) { now.clear(); }), HasSubstr("bur_way: isn't JSON"));
   EXPECT_THAT(instead("x_mm", "x_in"), HasSubstr("bur_way: has other columns"));
-  EXPECT_THAT(instead("-2e-07", "[]"), HasSubstr("bur_way: part 1 isn't 12 numbers"));
-  EXPECT_THAT(instead("-2e-07,", ""), HasSubstr("bur_way: part 1 isn't 12 numbers"));
+  EXPECT_THAT(instead("-2e-07", "[]"), HasSubstr("bur_way: part 1 isn't 13 numbers"));
+  EXPECT_THAT(instead("-2e-07,", ""), HasSubstr("bur_way: part 1 isn't 13 numbers"));
   EXPECT_THAT(instead("-2e-07", "1e300"), HasSubstr("bur_way: part 1 holds a number beyond 1e4"));
   EXPECT_THAT(instead("1e-05", "-1"), HasSubstr("bur_way: part 1 has a negative aside_mm"));
-  EXPECT_THAT(instead("\"parts\":[[", "\"parts\":[[0,0,0,0,0,0,2,0,0,0,0,0],["),
+  EXPECT_THAT(instead("\"parts\":[[", "\"parts\":[[0,0,0,0,0,0,2,0,0,0,0,0,0],["),
               HasSubstr("bur_way: part 1 has an orientation that is no unit quaternion"));
+  for (const char* number : {"2", "-1", "0.5"})
+    EXPECT_THAT(instead("1,1]]", std::string("1,") + number + "]]"),
+                HasSubstr("bur_way: part 2 has no head of the list"));
+  EXPECT_THAT(instead("\"line 0 0 0.6 0;", "7,\"line 0 0 0.6 0;"),
+              HasSubstr("bur_way: has a head that isn't text"));
+  for (const char* piece : {"lime 0 0 0.6 0", "line 0 0 0.6", "line 0 0 0.6 nan", "line 0 0 0.6 0 0",
+                            "arc 0 0 0.6 0 0.3 0 bent", ""})
+    EXPECT_THAT(instead("line 0 0 0.6 0;", std::string(piece) + ";"),
+                HasSubstr("is no piece of an outline"));
+  EXPECT_THAT(instead("line 0 0 0.6 0;", "line 0 0 0.5 0;"), HasSubstr("bur_way: "));
 }
 
 TEST_F(ToothFile, AnIntactToothHasNoParts) {

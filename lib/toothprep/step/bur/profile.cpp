@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <optional>
+#include <sstream>
 #include <string>
 
 #include "toothprep/step/core/errors.h"
@@ -231,6 +232,25 @@ std::string outline_text(const std::vector<ProfilePiece>& outline) {
       all += fmt::format(" {} {} {}", p.centre_r, p.centre_z, p.convex ? "convex" : "concave");
   }
   return all;
+}
+
+std::vector<ProfilePiece> outline_of(const std::string& text) {
+  std::vector<ProfilePiece> outline;
+  std::istringstream all(text);
+  for (std::string piece; std::getline(all, piece, ';');) {
+    std::istringstream in(piece);
+    std::string kind, turn, more;
+    ProfilePiece& p = outline.emplace_back();
+    in >> kind >> p.r0 >> p.z0 >> p.r1 >> p.z1;
+    if (kind == "arc") {
+      p.kind = Kind::kArc;
+      in >> p.centre_r >> p.centre_z >> turn;
+      p.convex = turn == "convex";
+    }
+    if (!in || in >> more || (kind != "line" && !(p.convex || turn == "concave")))
+      throw Error("bur profile: \"" + piece + "\" is no piece of an outline");
+  }
+  return outline;
 }
 
 std::vector<ProfilePiece> checked_outline(std::vector<ProfilePiece> pieces) {

@@ -69,6 +69,8 @@ struct ProfileBounds {                // the rectangle around a piece
 // All of an outline's shape in one line, "line r0 z0 r1 z1; arc r0 z0 r1 z1 r z convex; ..." in mm: two outlines with the
 // same text are the same, but for what grinds.
 [[nodiscard]] std::string outline_text(const std::vector<ProfilePiece>& outline);
+// The outline of such a text, bit for bit, all of it grinding. Throws Error unless it is one; its shape isn't checked.
+[[nodiscard]] std::vector<ProfilePiece> outline_of(const std::string& text);
 
 // Throws Error naming the piece and the violated condition unless the outline runs from the tip at
 // (0, 0) to the axis at the other end, without gaps or self-crossing, solid to the left, within r

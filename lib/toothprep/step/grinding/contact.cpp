@@ -52,7 +52,6 @@ ContactModel::ContactModel(const Bur& bur, double piece_size, bool clockwise,
       walls_(bur.profile()),
       bur_(bur),
       slot_(SweptSlot::of(bur.profile())),
-      body_(bur.profile()),
       look_ahead_(kLookAhead * kPiecesAcross * piece_size),
       most_held_(kStays * piece_size),
       arm_(std::hypot(bur.head_length(), bur.max_radius())) {

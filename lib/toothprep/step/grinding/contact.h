@@ -263,7 +263,6 @@ class ContactModel {
   std::optional<SweptSlot> slot_;  // of a flat end
   bool leaves_slots_ = false;      // as the bur moves now
   bool has_edges_ = false;
-  ConvexProfile body_;  // of the bur as it stands
   // Parts of the way, each in its number's place, as far as they were met.
   struct Known {
     SweepHistory::Number number = 0;

@@ -58,7 +58,7 @@ const StraightSweep* ContactModel::latest_part(const Scan& scan, const Holds& ho
   for (SweepHistory::Number n = latest; n > latest - kLatest; --n) {
     const StraightSweep* const part = scan.history->find(n);
     if (!part) break;
-    if (holds(*part)) return part;
+    if (scan.history->is_own(*part) && holds(*part)) return part;
   }
   return nullptr;
 }
@@ -72,7 +72,7 @@ const StraightSweep* ContactModel::retraced_by(const Scan& scan, const Vec3& v) 
   });
 }
 
-// Whether the bur went straight over a place (W), by the parts that cut deepest around it.
+// Whether a bur went straight over a place (W), by the parts that cut deepest around it.
 bool ContactModel::went_over(const Scan& scan, const Vec3& place) const noexcept {
   if (!scan.history) return false;
   const double inside = kInsideSweep * scan.workpiece.voxel();
@@ -86,7 +86,7 @@ bool ContactModel::went_over(const Scan& scan, const Vec3& place) const noexcept
     if (number == last) continue;
     last = number;
     const StraightSweep* const part = scan.history->find(static_cast<SweepHistory::Number>(number));
-    if (part && part->was_over(bur_, place, inside)) return true;
+    if (part && part->was_over(scan.history->bur_of(*part), place, inside)) return true;
   }
   return false;
 }
@@ -94,23 +94,23 @@ bool ContactModel::went_over(const Scan& scan, const Vec3& place) const noexcept
 // The part on which the bur moves on.
 SweepHistory::Number ContactModel::leads_here(const Scan& scan) const noexcept {
   const SweepHistory::Number latest = scan.history ? scan.history->latest() : 0;
-  if (latest == 0) return 0;
+  const StraightSweep* const part = latest > 0 ? scan.history->find(latest) : nullptr;
+  if (!part || !scan.history->is_own(*part)) return 0;
   const Vec3 direction = sampled_pose_.orientation * scan.direction;
-  return scan.history->find(latest)->leads_to(bur_, sampled_pose_, direction,
-                                              kRetraced * scan.workpiece.voxel())
-             ? latest
-             : 0;
+  const double aside = kRetraced * scan.workpiece.voxel();
+  return part->leads_to(bur_, sampled_pose_, direction, aside) ? latest : 0;
 }
 
-// What the bur took in a part of its way, as places of this sample have it; null if that isn't known.
+// What a bur took in a part of its way, as places of this sample have it; null if that isn't known.
 const KnownSweep* ContactModel::known(const Scan& scan,
                                       SweepHistory::Number number) const noexcept {
   const StraightSweep* const part = scan.history->find(number);
   if (!part) return nullptr;
   Known& there = known_[static_cast<std::size_t>(number % kKnown)];
-  if (there.number != number || !there.sweep.is_of(*part)) {
+  const ConvexProfile& standing = scan.history->standing(*part);
+  if (there.number != number || !there.sweep.is_of(standing, *part)) {
     there.number = number, there.placed = 0;
-    there.sweep.set(body_, *part);
+    there.sweep.set(standing, *part);
   }
   if (!there.sweep.is_known()) return nullptr;
   if (there.placed != sample_) {
@@ -151,7 +151,8 @@ struct ContactModel::NearSweeps {
       const StraightSweep* const part = scan.history->find(numbers[k]);
       if (!part) return false;
       all_long &= part->way.squaredNorm() > kLong * kLong;
-      under_way = under_way && (k == 0 || is_one_pass(numbers[k - 1], numbers[k]));
+      under_way = under_way && scan.history->is_own(*part) &&
+                  (k == 0 || is_one_pass(numbers[k - 1], numbers[k]));
     }
     return !under_way || all_long;
   }

@@ -12,7 +12,8 @@ class KnownSweep {
  public:
   // Whether it is known: along the bur's axis it isn't. `standing`: of a bur that stands; kept.
   bool set(const ConvexProfile& standing, const StraightSweep& sweep) noexcept;
-  [[nodiscard]] bool is_of(const StraightSweep& sweep) const noexcept;
+  [[nodiscard]] bool is_of(const ConvexProfile& standing,
+                           const StraightSweep& sweep) const noexcept;
   const StraightSweep& sweep() const { return sweep_; }
   [[nodiscard]] bool is_known() const { return known_; }
   // Says from where places are counted.

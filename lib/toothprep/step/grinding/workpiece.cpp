@@ -44,6 +44,10 @@ Workpiece::Workpiece(const LayeredTooth& tooth)
   cut_.reserve(not_void + spare_bricks_);
   commit_bricks(cut_, voxel(), spare_bricks_);
   if (tooth.parts) take_up_cut(tooth.parts->cut);
+  if (tooth.parts && tooth.parts->way) {
+    way_ = std::make_unique<SweepHistory>(cut_, voxel(), spare_bricks_);
+    way_->go_on_from(*tooth.parts->way);
+  }
   changed_ = ChangedBricks(cut_.table_size());
 
   // Per brick: a bit for each label in it, and whether it is inside as a whole.
@@ -94,23 +98,19 @@ void Workpiece::take_up_cut(const LevelSet& cut) {
 }
 
 Workpiece::CutState Workpiece::cut_state() const {
-  return {cut_, ways_, way_is_known_ ? way_->latest() : 0};
+  return {cut_, way_ ? way_->latest() : 0};
 }
 
 void Workpiece::restore(const CutState& state) {
   // Of BrickGrid::put_constant(), whose constants count from the one after the background.
   constexpr std::uint32_t kBackground = ~std::uint32_t{0};
   const LevelSet& before = state.cut;
-  if (state.way != ways_) {
-    forget_way();                   // it is another bur's,
-    way_is_kept_ = state.way == 0;  // but the tooth's that there was at first
-  }
   for (std::size_t b = 0; b < cut_.table_size(); ++b) {
     const float *from = before.brick(b), *now = cut_.brick(b);
     const bool uniform = before.is_uniform(b);
     if (uniform == cut_.is_uniform(b) && std::equal(from, from + (uniform ? 1 : kBrickVoxels), now))
       continue;
-    if (float* numbers = way_is_known_ ? way_->write(b) : nullptr)
+    if (float* numbers = way_ ? way_->write(b) : nullptr)
       for (int v = 0; v < kBrickVoxels; ++v)
         if (from[v] != now[v]) numbers[v] = 0;
     if (uniform)
@@ -119,31 +119,23 @@ void Workpiece::restore(const CutState& state) {
       std::copy_n(from, kBrickVoxels, cut_.writable_brick(b));
     changed_.mark(b);
   }
-  if (way_is_known_) way_->drop_behind(state.parts);
+  if (way_) way_->drop_behind(state.parts);
 }
 
 SweepHistory& Workpiece::way_of(const Bur& bur) {
-  if (way_is_known_ && way_->is_of(bur)) return *way_;
-  SweepHistory way(bur, cut_, voxel(), spare_bricks_);
-  if (std::exchange(way_is_kept_, false) && tooth_.parts && tooth_.parts->way)
-    way.go_on_from(*tooth_.parts->way);
-  if (way_)
-    *way_ = std::move(way);  // where it was: a session before may still refer to it
-  else
-    way_ = std::make_unique<SweepHistory>(std::move(way));
-  ++ways_;
-  way_is_known_ = true;
+  if (!way_) way_ = std::make_unique<SweepHistory>(cut_, voxel(), spare_bricks_);
+  way_->take(bur);
   return *way_;
 }
 
 void Workpiece::forget_way() {
-  ++ways_;
-  way_is_known_ = way_is_kept_ = false;
+  if (way_) way_->forget();
 }
 
 std::optional<CutWay> Workpiece::kept_way() const {
-  if (!way_is_known_ || way_->latest() == 0) return std::nullopt;
-  return way_->kept();
+  if (!way_) return std::nullopt;
+  CutWay kept = way_->kept();
+  return kept.parts.empty() ? std::nullopt : std::optional(std::move(kept));
 }
 
 LevelSet Workpiece::remaining_solid() const { return carved_solid(*solid_, cut_); }

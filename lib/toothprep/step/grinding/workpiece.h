@@ -52,8 +52,7 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   LevelSet& cut() { return cut_; }
   struct CutState {          // the cut at some time, to go back to
     LevelSet cut;            // mm, as cut()
-    std::uint64_t way = 0;   // which bur's it was
-    std::int32_t parts = 0;  // how many that way had
+    std::int32_t parts = 0;  // how many the burs' ways had
   };
   [[nodiscard]] CutState cut_state() const;  // as it is now
   // The cut as it was, in the storage that was reserved for it. Marks what changes in changed().
@@ -66,10 +65,9 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   // boundary voxel whose centre lies outside still has its tissue.
   const LabelGrid& labels() const { return labels_; }
 
-  // Where burs with such a head have cut straight on; what is known of another head's way is forgotten. Allocates when the
-  // head is another than before.
+  // Where burs have cut straight on, and now this one does. Allocates when its head is a new one.
   SweepHistory& way_of(const Bur& bur);
-  // The cut was changed otherwise than by that way.
+  // The cut was changed otherwise than by those ways.
   void forget_way();
   // For apply_cut(): the way so far, if it is known.
   [[nodiscard]] std::optional<CutWay> kept_way() const;
@@ -106,10 +104,7 @@ class Workpiece {  // one tooth under one session's bur; not for two threads at 
   LabelGrid labels_;
   std::optional<WorkpieceBodies> bodies_;
   std::vector<CellsOfBrick> cells_;
-  std::unique_ptr<SweepHistory> way_;  // since it was first asked for
-  bool way_is_known_ = false;          // `way_` is of this cut
-  std::uint64_t ways_ = 0;             // that there were, so far
-  bool way_is_kept_ = true;            // what the tooth keeps of it may be taken up
+  std::unique_ptr<SweepHistory> way_;  // the tooth's, or since it was first asked for
 };
 
 // Carves the tooth that the workpiece is of, or a copy of it, by the workpiece's cut, as apply_cut() of layered_tooth.h

@@ -1,5 +1,5 @@
-// Where a bur has cut straight on: what it took there is known exactly, where the lattice of a cut rounds it. A tooth that
-// was cut keeps it for the next session with that bur.
+// Where burs have cut straight on: what they took there is known exactly, where the lattice of a cut rounds it. A tooth that
+// was cut keeps it for the next session.
 #pragma once
 
 #include <string>
@@ -16,11 +16,12 @@ struct StraightPart {
   Vec3 way = Vec3::Zero();  // W, mm
   double aside = 0;         // mm, by how much the bur was off that line, at most
   bool goes_on = false;     // from where the part before it ended
+  int head = 0;             // which of the heads it was
 };
 
-// The straight parts of a bur's way through a tooth's cut, and which of them cut deepest where.
+// The straight parts of burs' ways through a tooth's cut, and which of them cut deepest where.
 struct CutWay {
-  std::string head;                 // of the bur: its outline, as outline_text() has it
+  std::vector<std::string> heads;   // of these burs: their outlines, as outline_text() has them
   std::vector<StraightPart> parts;  // in the order in which they were cut
   // Of each voxel the part that cut deepest there, counted from 1; 0: none of them, or something else.
   BrickGrid<float> deepest;

@@ -1,4 +1,4 @@
-// The straight parts of a bur's way as text, as tooth files hold them (data/outputs/README.md). Internal to this folder.
+// The straight parts of burs' ways as text, as tooth files hold them (data/outputs/README.md). Internal to this folder.
 #pragma once
 
 #include <string>
@@ -7,10 +7,10 @@
 
 namespace toothprep {
 
-// JSON without line breaks: head, columns, and a row per part. Every number is read back bit for bit.
+// JSON without line breaks: heads, columns, and a row per part. Every number is read back bit for bit.
 [[nodiscard]] std::string cut_way_text(const CutWay& way);
 
-// Head and parts of such a text. Throws Error that says which condition it violates.
+// Heads and parts of such a text. Throws Error that says which condition it violates.
 [[nodiscard]] CutWay parse_cut_way(const std::string& text);
 
 }  // namespace toothprep
