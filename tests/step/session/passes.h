@@ -39,7 +39,8 @@ struct Passes {
   // Each pass in a session of its own on the tooth that the one before left, with what that keeps of the burs' ways, or
   // without it, as after the other engine.
   bool each_alone = false, way_unknown = false;
-  std::vector<LeantBur> others = {};  // of the passes after the first; empty: as that. Each in a session of its own
+  std::vector<LeantBur> others =
+      {};  // of the passes after the first; empty: as that. Each in a session of its own
 
   LeantBur bur_of(std::size_t pass) const {
     return pass == 0 || others.empty() ? LeantBur{bur, across, along} : others[pass - 1];
@@ -165,8 +166,8 @@ inline std::vector<double> energy_of(const Passes& p) {
     passes.push_back(
         {p.others.empty() ? &burs[0] : &burs[i], p.lean_of(i), Vec3(0, -p.depth_of(i), p.z[i])});
   std::vector<double> energy;
-  for (const PerTissue<double>& area : reference::newly_swept_sections(
-           passes, reference::Block{Vec3(kLength, 3, 4), p.enamel}))
+  for (const PerTissue<double>& area :
+       reference::newly_swept_sections(passes, reference::Block{Vec3(kLength, 3, 4), p.enamel}))
     energy.push_back(kLength * (300 * area[0] + 100 * area[1]));
   return energy;
 }

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "experiment.h"
+#include "toothprep/step/core/units.h"
 #include "toothprep/step/session/intervals.h"
 
 namespace toothprep::testing {

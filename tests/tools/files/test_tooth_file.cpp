@@ -359,8 +359,8 @@ TEST_F(ToothFile, IntactTissuesAndAWayThatCannotBeTheToothsAreRefusedByName) {
                 HasSubstr("bur_way: part 2 has no head of the list"));
   EXPECT_THAT(instead("\"line 0 0 0.6 0;", "7,\"line 0 0 0.6 0;"),
               HasSubstr("bur_way: has a head that isn't text"));
-  for (const char* piece : {"lime 0 0 0.6 0", "line 0 0 0.6", "line 0 0 0.6 nan", "line 0 0 0.6 0 0",
-                            "arc 0 0 0.6 0 0.3 0 bent", ""})
+  for (const char* piece : {"lime 0 0 0.6 0", "line 0 0 0.6", "line 0 0 0.6 nan",
+                            "line 0 0 0.6 0 0", "arc 0 0 0.6 0 0.3 0 bent", ""})
     EXPECT_THAT(instead("line 0 0 0.6 0;", std::string(piece) + ";"),
                 HasSubstr("is no piece of an outline"));
   EXPECT_THAT(instead("line 0 0 0.6 0;", "line 0 0 0.5 0;"), HasSubstr("bur_way: "));

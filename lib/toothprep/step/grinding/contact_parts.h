@@ -82,8 +82,8 @@ struct ContactModel::Parts {
     s.cut.replace(where, border);
   }
 
-  // Whether nothing was taken off for being thin.
-  Int4 are_sure() const { return doubt_ == 0; }
+  // What was taken off for being thin, mm.
+  const Float4& doubt() const { return doubt_; }
 
   // What is covered `way` (mm) farther on, where each part's border rises by `rises` per mm.
   CoveredPart<Float4> covered(float way, const Float4* rises) const {

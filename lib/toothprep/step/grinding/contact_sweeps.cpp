@@ -407,7 +407,7 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   const auto rise_of = [&](const KnownSweep::Sample& taken) {
     return cut.rise(scan.frame.gradients({taken.value, taken.gx, taken.gy, taken.gz}));
   };
-  Int4 sure;  // that it isn't thinner than is known
+  Float4 doubt;  // of what is thinner than is known
   if (any(good & bent)) {
     const float on_way = kOnWay * voxel, per_way = 1 / on_way;
     Float4 rises[Parts::kCount];
@@ -435,18 +435,20 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
     s.per_way = {per_way * (later.share - s.share), per_way * (later.x - s.x),
                  per_way * (later.y - s.y)};
     s.by_rates |= good;
-    sure = parts.are_sure();
+    doubt = parts.doubt();
   } else {
     Parts parts(border);
     parts.cover(cut, good, kThinSlot * voxel, s);
     s.by_slots &= ~good;
-    sure = parts.are_sure();
+    doubt = parts.doubt();
   }
   s.rise = good ? rise_of(middle) : s.rise;
   // The lattice's border, of which this was noted, isn't the one that counts.
   s.moves = good ? all4(kUnlimited) : s.moves;
-  const Int4 divided = good & sure & (s.share > kUndivided) & (s.share < 1 - kUndivided);
-  s.note_crossing(good, border.value, border.along, border.around, rise_of(middle), kHolds);
+  const Int4 sure = doubt == 0,
+             divided = good & sure & (s.share > kUndivided) & (s.share < 1 - kUndivided);
+  // What was met just now and is still thinner than is known counts soon, not when it was met.
+  s.note_crossing(good, border.value + doubt, border.along, border.around, rise_of(middle), kHolds);
   const Float4 soon = s.moves;
   s.moves = divided ? all4(kUnlimited) : s.moves;
   s.note_crossing(divided, border.value, border.along, border.around, rise_of(middle), kBentMoves);

@@ -12,7 +12,8 @@ constexpr float kNoRadius = 1e-6f;      // mm
 }  // namespace
 
 bool KnownSweep::is_of(const ConvexProfile& standing, const StraightSweep& other) const noexcept {
-  return standing_ == &standing && other.way == sweep_.way && other.from.position == sweep_.from.position &&
+  return standing_ == &standing && other.way == sweep_.way &&
+         other.from.position == sweep_.from.position &&
          other.from.orientation.coeffs() == sweep_.from.orientation.coeffs();
 }
 

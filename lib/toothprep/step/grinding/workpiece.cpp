@@ -97,9 +97,7 @@ void Workpiece::take_up_cut(const LevelSet& cut) {
   }
 }
 
-Workpiece::CutState Workpiece::cut_state() const {
-  return {cut_, way_ ? way_->latest() : 0};
-}
+Workpiece::CutState Workpiece::cut_state() const { return {cut_, way_ ? way_->latest() : 0}; }
 
 void Workpiece::restore(const CutState& state) {
   // Of BrickGrid::put_constant(), whose constants count from the one after the background.

@@ -12,9 +12,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array kWayColumns = {"x_mm",     "y_mm",     "z_mm",     "qx",
-                                    "qy",       "qz",       "qw",       "way_x_mm",
-                                    "way_y_mm", "way_z_mm", "aside_mm", "goes_on",  "head"};
+constexpr std::array kWayColumns = {"x_mm",     "y_mm",    "z_mm",     "qx",       "qy",
+                                    "qz",       "qw",      "way_x_mm", "way_y_mm", "way_z_mm",
+                                    "aside_mm", "goes_on", "head"};
 constexpr std::size_t kMostParts = std::size_t{1} << 20, kMostHeads = 4096;
 constexpr double kFarthestPart = 1e4;     // mm, of a part from the origin, and its length
 constexpr double kUnitQuaternion = 1e-6;  // of its square

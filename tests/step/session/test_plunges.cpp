@@ -1,0 +1,102 @@
+// Plunges onto the floor of an earlier slot, from the air above it: nothing is felt until the floor is met, and all of it
+// from there on.
+#include "passes.h"
+
+namespace toothprep::testing {
+namespace {
+
+constexpr double kSlot = 0.3, kPlunge = 0.1;  // mm deep, the second below the first
+constexpr double kAbove = 0.1;                // mm over the block
+
+struct Plunge {
+  const char *slot, *bur;
+  double aside;  // mm, of the slot's middle
+};
+
+// How high above its tip the lower surface of an upright bur is, by distance from its axis, kTable of them up to its radius.
+constexpr int kTable = 600;
+std::vector<double> underside(const Bur& bur) {
+  std::vector<double> heights;
+  for (int i = 0; i < kTable; ++i) {
+    const double r = bur.max_radius() * (i + 0.5) / kTable;
+    double outside = -1, inside = 0.5 * bur.head_length();
+    for (int n = 0; n < 50; ++n) {
+      const double middle = 0.5 * (outside + inside);
+      (bur.distance(r, middle) < 0 ? inside : outside) = middle;
+    }
+    heights.push_back(outside);
+  }
+  return heights;
+}
+
+// mJ, of the enamel that the plunge newly takes: what lies above the bur's underside and below the slot's.
+double energy_of(const Plunge& p) {
+  const Bur slot = make_bur(p.slot, ""), bur = make_bur(p.bur, "");
+  const std::vector<double> of_slot = underside(slot), of_bur = underside(bur);
+  const double radius = bur.max_radius(), step = radius / kTable;
+  const auto at = [](const std::vector<double>& table, double r, double most) {
+    return table[std::min<std::size_t>(kTable - 1, static_cast<std::size_t>(r / most * kTable))];
+  };
+  double volume = 0;
+  for (double z = -radius + 0.5 * step; z < radius; z += step)
+    for (double x = -radius + 0.5 * step; x < radius; x += step) {
+      const double r = std::hypot(x, z), across = std::abs(z + p.aside);
+      if (r >= radius) continue;
+      const double before =
+          across < slot.max_radius() ? kSlot - at(of_slot, across, slot.max_radius()) : 0;
+      volume += step * step *
+                std::max(0.0, kSlot + kPlunge - at(of_bur, r, radius) - std::max(before, 0.0));
+    }
+  return 300 * volume;
+}
+
+double work_of(const Plunge& p, double voxel, bool way_is_known) {
+  const Bur slot = make_bur(p.slot, ""), bur = make_bur(p.bur, "");
+  LayeredTooth tooth = block(voxel, 2, Vec3(kLength, 2, 4));
+  const Quat q = upright_leant(0, 0);
+  {
+    Workpiece workpiece(tooth);
+    HandleSample handle{0, Pose{Vec3(-kStart, -kSlot, 0), q}, kPedalButton};
+    Session session(slot, workpiece, paper_without_stall(), Drive::kDirect, handle);
+    StepRecord last;
+    for (; handle.pose.position.x() < kStart; handle.pose.position.x() += 8e-3, handle.time += 1e-3)
+      last = session.step(handle);
+    session.finish(last);
+    apply_cut(tooth, workpiece);
+  }
+  if (!way_is_known) tooth.parts->way.reset();
+  Workpiece workpiece(tooth);
+  HandleSample handle{0, Pose{Vec3(0, kAbove, p.aside), q}, kPedalButton};
+  Session session(bur, workpiece, paper_without_stall(), Drive::kDirect, handle);
+  const int steps = 1000;
+  for (int i = 1; i <= steps; ++i) {
+    handle.time += 1e-3;
+    handle.pose.position.y() = kAbove - (kAbove + kSlot + kPlunge) * i / steps;
+    session.step(handle);
+  }
+  return session.totals().torque_work;
+}
+
+TEST(Plunges, OntoTheFloorOfAnEarlierSlotTakeTheirEnergy) {
+  const char *flat = "cylinder:D1.2xL4.0", *thin = "cylinder:D1.0xL4.0",
+             *round = "cylinder:D1.2xL4.0xR0.3", *ball = "ball:D1.2", *taper = "taper:D1.4xL4.0xA4";
+  for (const Plunge& p : {Plunge{flat, flat, 0}, Plunge{flat, flat, 0.35}, Plunge{flat, thin, 0},
+                          Plunge{round, round, 0}, Plunge{round, round, 0.35},
+                          Plunge{round, flat, 0.1}, Plunge{ball, ball, 0}, Plunge{ball, ball, 0.35},
+                          Plunge{taper, taper, 0}, Plunge{ball, flat, 0}, Plunge{flat, ball, 0.2}})
+    for (const double voxel : {0.1, 0.05, 0.025})
+      for (const bool way_is_known : {true, false}) {
+        const double energy = energy_of(p), work = work_of(p, voxel, way_is_known),
+                     of_slot = kLength * 300 * kSlot * 2 * make_bur(p.slot, "").max_radius();
+        std::printf("%-24s %-28s aside %.2f, %.3f mm, %s: %.4f of %7.3f mJ (%+.3f)\n", p.slot,
+                    p.bur, p.aside, voxel, way_is_known ? "known" : "by the lattice", work / energy,
+                    energy, work - energy);
+        const bool coarse = voxel > 0.07;
+        EXPECT_NEAR(
+            work, energy,
+            std::max((coarse ? 0.01 : 0.003) * energy, (coarse ? 0.002 : 0.0005) * of_slot));
+      }
+}
+
+}  // namespace
+}  // namespace toothprep::testing
