@@ -92,13 +92,7 @@ TEST(SweptOutline, TellsHowFarPlacesLieWithinWhatEveryBurTakes) {
   }
 }
 
-TEST(KnownSweep, ThereIsNoneAlongTheAxis) {
-  const ConvexProfile standing(make_bur("ball:D1.2", "").profile());
-  KnownSweep known;
-  EXPECT_FALSE(known.set(standing, {Pose{Vec3::Zero(), Quat::Identity()}, Vec3(0, 0, -1)}));
-}
-
-// Square to the axis, hardly leaning, leaning; short and long; beside the way, around its ends, and near its floor.
+// Square to the axis, hardly leaning, leaning, along it; short and long; beside the way, around its ends, and near its floor.
 TEST(KnownSweep, TellsHowFarPlacesLieWithinWhatABurTookOnItsWay) {
   std::mt19937 numbers(6);
   const auto draw = [&](double low, double high) {
@@ -110,7 +104,8 @@ TEST(KnownSweep, TellsHowFarPlacesLieWithinWhatABurTookOnItsWay) {
   for (const Bur& bur : every_bur()) {
     const ConvexProfile standing(bur.profile());
     for (const Vec3& way : {Vec3(0.05, 0, 0), Vec3(0.7, -0.6, 0), Vec3(0.08, 0.01, 0.004),
-                            Vec3(-0.06, 0, -0.0045), Vec3(0.1, 0.02, 0.04), Vec3(0.3, 0.4, -0.3)}) {
+                            Vec3(-0.06, 0, -0.0045), Vec3(0.1, 0.02, 0.04), Vec3(0.3, 0.4, -0.3),
+                            Vec3(0, 0, -0.3), Vec3(0, 0, 0.05), Vec3(0.01, -0.02, -0.4)}) {
       const StraightSweep sweep{Pose{Vec3(1, 2, 3), turned}, turned * way};
       const double length = way.norm();
       KnownSweep known;

@@ -1,13 +1,16 @@
 #include "toothprep/step/grinding/known_sweep.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace toothprep {
 namespace {
 
-constexpr double kNoWay = 2e-4;         // mm
-constexpr double kSquareAtLeast = 0.1;  // sine of the way from the axis
-constexpr float kNoRadius = 1e-6f;      // mm
+constexpr double kNoWay = 2e-4;  // mm
+// Of a way that goes aside by less than this (sine) the outline isn't drawn.
+constexpr double kSquareAtLeast = 0.1, kNotAside = 1e-9;
+constexpr int kHalvings = 18;       // of it, until where it is deepest
+constexpr float kNoRadius = 1e-6f;  // mm
 
 }  // namespace
 
@@ -29,10 +32,10 @@ bool KnownSweep::set(const ConvexProfile& standing, const StraightSweep& sweep) 
   length_ = static_cast<float>(way);
   axial_ = static_cast<float>(along.z());
   ahead_ = static_cast<float>(sign * square);
-  along_ = sign / square * Vec3(along.x(), along.y(), 0);
-  rise_ = static_cast<float>(std::abs(along.z()) / square);
-  known_ = standing.is_known() &&
-           (!leans_ || (square > kSquareAtLeast && outline_.set(standing, rise_)));
+  along_ = square > kNotAside ? Vec3(sign / square * Vec3(along.x(), along.y(), 0)) : Vec3::UnitX();
+  rise_ = static_cast<float>(std::abs(along.z()) / std::max(square, kNotAside));
+  known_ = standing.is_known();
+  is_along_ = leans_ && !(known_ && square > kSquareAtLeast && outline_.set(standing, rise_));
   return known_;
 }
 
@@ -64,6 +67,21 @@ KnownSweep::Sample KnownSweep::where_it_stood(const Float4& way, const Across& a
   return sample_of(s.value, by_r * at.beside, by_r * ahead, s.by_z);
 }
 
+// How far on the way it is where places lie deepest: on a straight way that is where their depth, which is concave, rises no
+// more.
+Float4 KnownSweep::deepest_on_way(const Across& at) const noexcept {
+  Float4 from{}, to = all4(length_);
+  for (int i = 0; i < kHalvings; ++i) {
+    const Float4 way = 0.5f * (from + to), ahead = at.ahead - ahead_ * way,
+                 r = square_root(at.beside * at.beside + ahead * ahead);
+    const ConvexProfile::Sample s = standing_->at(r, at.axial - axial_ * way);
+    const Int4 rises = s.by_r * ahead / greatest(r, all4(kNoRadius)) * ahead_ + s.by_z * axial_ < 0;
+    from = rises ? way : from;
+    to = rises ? to : way;
+  }
+  return 0.5f * (from + to);
+}
+
 KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4& z,
                                   Beyond* beyond) const noexcept {
   const Across at{across(b_, x, y, z), across(a_, x, y, z), across(z_, x, y, z)};
@@ -77,6 +95,10 @@ KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4
     const Float4 way = at.ahead / ahead_;
     note_beyond(way);
     return where_it_stood(on_way(way), at);
+  }
+  if (is_along_) {
+    note_beyond(all4(0.5f * length_));  // of neither end alone, as far as is known
+    return where_it_stood(deepest_on_way(at), at);
   }
   const SweptOutline::Sample s = outline_.at(at.beside, at.axial - rise_ * at.ahead);
   const Float4 way = (at.ahead - s.ahead) / ahead_, by_r = s.by_r / greatest(s.r, all4(kNoRadius));

@@ -10,7 +10,7 @@ namespace toothprep {
 
 class KnownSweep {
  public:
-  // Whether it is known: along the bur's axis it isn't. `standing`: of a bur that stands; kept.
+  // Whether it is known: if the bur is convex. `standing`: of a bur that stands; kept.
   bool set(const ConvexProfile& standing, const StraightSweep& sweep) noexcept;
   [[nodiscard]] bool is_of(const ConvexProfile& standing,
                            const StraightSweep& sweep) const noexcept;
@@ -48,14 +48,15 @@ class KnownSweep {
     Float4 beside, ahead, axial;
   };
   Sample where_it_stood(const Float4& way, const Across& at) const noexcept;
+  Float4 deepest_on_way(const Across& at) const noexcept;
   Sample sample_of(const Float4& value, const Float4& by_beside, const Float4& by_ahead,
                    const Float4& by_axial) const noexcept;
 
   StraightSweep sweep_;
   bool known_ = false;
   const ConvexProfile* standing_ = nullptr;
-  SweptOutline outline_;  // unless the way is square to the axis
-  bool leans_ = false;
+  SweptOutline outline_;  // unless the way is square to the axis, or along it
+  bool leans_ = false, is_along_ = false;
   float length_ = 0;  // of the way, mm
   // How much of it goes along the axis, and square to it; where the bur sinks, `ahead` is counted against the way, so that
   // it rises.
