@@ -218,6 +218,8 @@ class ContactModel {
                             const Int4& wanted, Lanes& lanes) noexcept;
   static Int4 meet(const CutOfPieces& cut, const Probe& middle, const Probe& one,
                    const Probe& other, bool in_groove) noexcept;
+  static Int4 reaches_here(const Scan& scan, const Place& far, const Float4& value, Int4 where,
+                           const Lanes& s) noexcept;
   static Wall look_at_wall(const Scan& scan, const CutOfPieces& cut, const Displaced& at,
                            const Place& far, const Int4& wanted) noexcept;
   void cover_ridges(const Scan& scan, const CutOfPieces& cut, const FourSamples& there,

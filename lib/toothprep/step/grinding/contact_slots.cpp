@@ -34,9 +34,6 @@ constexpr double kNoSlots = 2;
 // Cells are looked at in pieces and so far beyond their corners (voxels), where a slot stands alone.
 constexpr float kBeyondCorner = 1.5f;
 constexpr int kCells = 9;
-// A slot that was found ahead is looked for at these parts of the way there; the lattice, which rounds edges, may have less
-// void by so many voxels.
-constexpr float kBetween[] = {0.75f, 0.5f, 0.25f}, kLessBetween = 0.5f;
 
 }  // namespace
 
@@ -226,21 +223,6 @@ struct ContactModel::Slots {
     }
     return good;
   }
-  // Of these pieces, those that so many slots, found farther ahead, reach: between the two the lattice has no less void.
-  Int4 reach_here(int slots, const Lanes& s, Int4 good) const {
-    if (!any(good)) return good;
-    const Float4 value = sample(slots, place(Float4{}, Float4{})).value;
-    const Float4 x = s.ix - s.ahead.x(), y = s.iy - s.ahead.y(), z = s.iz - s.ahead.z();
-    const IndexFrame& f = scan.frame;
-    for (const float t : kBetween) {
-      const FourPlaces at(x + t * (far.x - x), y + t * (far.y - y), z + t * (far.z - z));
-      FourCells between;
-      between.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
-                   good);
-      good &= value - between.at(at.fx, at.fy, at.fz).value < kLessBetween * cut.voxel;
-    }
-    return good;
-  }
   // Puts the first slot where the bur is, as nearly as the lattice says so. Of the pieces `where`, those of which it leaves
   // nothing.
   Int4 are_in_own_slot(const Int4& where) {
@@ -408,8 +390,12 @@ Int4 ContactModel::cover_by_slots(const Scan& scan, const CutOfPieces& cut, cons
     one |= slots.explain(1, open), one |= slots.leaves_nothing(open & ~one);
     if (two[p]) two |= slots.explain(2, open & ~one);
   }
-  one = slots.reach_here(1, s, own | slots.hold_here(1, s, one & ~own));
-  two = slots.reach_here(2, s, slots.hold_here(2, s, two));
+  const auto reach_here = [&](int count, const Int4& where) {
+    const Float4 value = slots.sample(count, slots.place(Float4{}, Float4{})).value;
+    return reaches_here(scan, far, value, where, s);
+  };
+  one = reach_here(1, own | slots.hold_here(1, s, one & ~own));
+  two = reach_here(2, slots.hold_here(2, s, two));
   if (any(one | two)) cover_by(slots, one, two, s);
   return found(one | two);
 }

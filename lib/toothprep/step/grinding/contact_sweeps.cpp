@@ -452,6 +452,7 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   const Float4 soon = s.moves;
   s.moves = divided ? all4(kUnlimited) : s.moves;
   s.note_crossing(divided, border.value, border.along, border.around, rise_of(middle), kBentMoves);
+  if (any(good & bent)) s.note_rate(good, s.per_way.share);
   if (!any(good & bent)) s.moves = good & sure ? all4(kStraightMoves * voxel) : soon;
   s.by_sweeps = good;
   return good;

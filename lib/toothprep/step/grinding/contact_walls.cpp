@@ -31,6 +31,9 @@ constexpr float kAgrees = 0.015f, kSameWall = 0.05f;
 constexpr float kFlattened = 0.2f;
 // And it was taken where a point of it is deeper (voxels) than both of its walls are there.
 constexpr float kTaken = 0.01f;
+// What was found ahead is looked for at these parts of the way there. The lattice, which rounds edges, may have less void
+// by so many voxels.
+constexpr float kBetween[] = {0.75f, 0.5f, 0.25f}, kLessBetween = 0.5f;
 
 // Square of the difference of two gradients.
 Float4 turned(const FourSamples& a, const FourSamples& b) {
@@ -99,6 +102,24 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
 }
 
+// Of pieces, those that what was found ahead, at their middles `far` with that value (mm), reaches: on the way there the
+// lattice has no less void.
+Int4 ContactModel::reaches_here(const Scan& scan, const Place& far, const Float4& value,
+                                Int4 where, const Lanes& s) noexcept {
+  if (scan.farther || !any(where)) return where;  // along arcs that isn't looked at
+  const Float4 x = s.ix - s.ahead.x(), y = s.iy - s.ahead.y(), z = s.iz - s.ahead.z();
+  const IndexFrame& f = scan.frame;
+  const float less = kLessBetween * static_cast<float>(scan.workpiece.voxel());
+  for (const float t : kBetween) {
+    const FourPlaces at(x + t * (far.x - x), y + t * (far.y - y), z + t * (far.z - z));
+    FourCells between;
+    between.read(scan.workpiece.cut(), at.x + f.base.x(), at.y + f.base.y(), at.z + f.base.z(),
+                 where);
+    where &= value - between.at(at.fx, at.fy, at.fz).value < less;
+  }
+  return where;
+}
+
 // The cut far ahead, at places `at` beside the middles `far` of four pieces.
 ContactModel::Wall ContactModel::look_at_wall(const Scan& scan, const CutOfPieces& cut,
                                               const Displaced& at, const Place& far,
@@ -123,7 +144,9 @@ void ContactModel::cover_by_wall(const Scan& scan, const CutOfPieces& cut, const
              scan.cuts);
   const FourSamples there = cut.wall_at(f, at, f.gradients(cells.cells.at(at.fx, at.fy, at.fz)));
   Borders border = cut.borders(there.value, there, Float4{}, Float4{});
-  const Int4 along = wanted & cells.live & (kAlong * magnitude(cut.rise_on_way(there)) < 1);
+  const Int4 along =
+      reaches_here(scan, far, there.value,
+                   wanted & cells.live & (kAlong * magnitude(cut.rise_on_way(there)) < 1), s);
   const Float4 reach = kMayCross * (magnitude(border.along) + magnitude(border.around)),
                away = magnitude(there.value);
   const Int4 crossed = along & (away < reach) & cut.is_one_wall(there), known = cut.knows(there);
