@@ -334,15 +334,14 @@ inline Float4 straightened(const Float4& c, const Float4& a, const Float4& b, co
 
 // Of those that hardly advance shares may change by so many times more.
 inline Float4 ContactModel::Lanes::more_way() const {
-  const Float4 little = least(greatest(advance, all4(kLeastAdvance * speed)),
-                              all4(kHardlyAdvances * speed));
+  const Float4 little =
+      least(greatest(advance, all4(kLeastAdvance * speed)), all4(kHardlyAdvances * speed));
   return kHardlyAdvances * speed / little;
 }
 
 // The same of shares that change by so much per mm of way.
 inline void ContactModel::Lanes::note_rate(const Int4& counts, const Float4& per_way_of_share) {
-  const Float4 per_change =
-      more_way() / greatest(magnitude(per_way_of_share), all4(kLeastExtent));
+  const Float4 per_change = more_way() / greatest(magnitude(per_way_of_share), all4(kLeastExtent));
   stays = counts ? least(stays, kStays * per_change) : stays;
   holds = counts ? least(holds, kHolds * per_change) : holds;
 }
@@ -356,8 +355,8 @@ inline void ContactModel::Lanes::note_crossing(const Int4& counts, const Float4&
                                                float moves_for) {
   const Float4 a = magnitude(range_along), b = magnitude(range_around);
   const Float4 comes = turned_where_negative(value, -along_way);
-  const Float4 across =
-                   2 * more_way() * greatest(a, b) / greatest(magnitude(along_way), all4(kLeastExtent)),
+  const Float4 across = 2 * more_way() * greatest(a, b) /
+                        greatest(magnitude(along_way), all4(kLeastExtent)),
                until = greatest((magnitude(value) - (a + b)) / greatest(comes, all4(kLeastExtent)),
                                 Float4{});
   const Float4 stay = kStays * across + until, hold = kHolds * across + until,

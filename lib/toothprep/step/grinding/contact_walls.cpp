@@ -104,8 +104,8 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
 
 // Of pieces, those that what was found ahead, at their middles `far` with that value (mm), reaches: on the way there the
 // lattice has no less void.
-Int4 ContactModel::reaches_here(const Scan& scan, const Place& far, const Float4& value,
-                                Int4 where, const Lanes& s) noexcept {
+Int4 ContactModel::reaches_here(const Scan& scan, const Place& far, const Float4& value, Int4 where,
+                                const Lanes& s) noexcept {
   if (scan.farther || !any(where)) return where;  // along arcs that isn't looked at
   const Float4 x = s.ix - s.ahead.x(), y = s.iy - s.ahead.y(), z = s.iz - s.ahead.z();
   const IndexFrame& f = scan.frame;
