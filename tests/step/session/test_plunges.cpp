@@ -1,6 +1,7 @@
 // Plunges onto the floor of an earlier slot, from the air above it: nothing is felt until the floor is met, and all of it
 // from there on. And passes across an earlier slot, and through a hole.
 #include "passes.h"
+#include "underside.h"
 
 namespace toothprep::testing {
 namespace {
@@ -13,39 +14,17 @@ struct Plunge {
   double aside;  // mm, of the slot's middle
 };
 
-// How high above its tip the lower surface of an upright bur is, by distance from its axis, kTable of them up to its radius.
-constexpr int kTable = 600;
-std::vector<double> underside(const Bur& bur) {
-  std::vector<double> heights;
-  for (int i = 0; i < kTable; ++i) {
-    const double r = bur.max_radius() * (i + 0.5) / kTable;
-    double outside = -1, inside = 0.5 * bur.head_length();
-    for (int n = 0; n < 50; ++n) {
-      const double middle = 0.5 * (outside + inside);
-      (bur.distance(r, middle) < 0 ? inside : outside) = middle;
-    }
-    heights.push_back(outside);
-  }
-  return heights;
-}
-
 // mJ, of the enamel that the plunge newly takes: what lies above the bur's underside and below the slot's.
 double energy_of(const Plunge& p) {
-  const Bur slot = make_bur(p.slot, ""), bur = make_bur(p.bur, "");
-  const std::vector<double> of_slot = underside(slot), of_bur = underside(bur);
-  const double radius = bur.max_radius(), step = radius / kTable;
-  const auto at = [](const std::vector<double>& table, double r, double most) {
-    return table[std::min<std::size_t>(kTable - 1, static_cast<std::size_t>(r / most * kTable))];
-  };
+  const Underside slot(make_bur(p.slot, "")), bur(make_bur(p.bur, ""));
+  const double radius = bur.radius(), step = radius / 600;
   double volume = 0;
   for (double z = -radius + 0.5 * step; z < radius; z += step)
     for (double x = -radius + 0.5 * step; x < radius; x += step) {
       const double r = std::hypot(x, z), across = std::abs(z + p.aside);
       if (r >= radius) continue;
-      const double before =
-          across < slot.max_radius() ? kSlot - at(of_slot, across, slot.max_radius()) : 0;
-      volume += step * step *
-                std::max(0.0, kSlot + kPlunge - at(of_bur, r, radius) - std::max(before, 0.0));
+      const double before = across < slot.radius() ? kSlot - slot.at(across) : 0;
+      volume += step * step * std::max(0.0, kSlot + kPlunge - bur.at(r) - std::max(before, 0.0));
     }
   return 300 * volume;
 }

@@ -242,12 +242,14 @@ std::vector<ProfilePiece> outline_of(const std::string& text) {
     std::string kind, turn, more;
     ProfilePiece& p = outline.emplace_back();
     in >> kind >> p.r0 >> p.z0 >> p.r1 >> p.z1;
-    if (kind == "arc") {
+    const bool is_arc = kind == "arc";
+    if (is_arc) {
       p.kind = Kind::kArc;
       in >> p.centre_r >> p.centre_z >> turn;
       p.convex = turn == "convex";
     }
-    if (!in || in >> more || (kind != "line" && !(p.convex || turn == "concave")))
+    const bool is_known = is_arc ? p.convex || turn == "concave" : kind == "line";
+    if (!in || !is_known || in >> more)
       throw Error("bur profile: \"" + piece + "\" is no piece of an outline");
   }
   return outline;

@@ -48,6 +48,16 @@ constexpr float kStraightMoves = 0.2f, kBentMoves = 0.5f;
 // Of a piece: less is covered, or left, of those that a border only begins to cross, or is about to leave.
 constexpr float kUndivided = 0.05f;
 
+constexpr float kSides[] = {-1, 1};
+// Whether a border is off by more than `most` (mm) at the four corners of pieces, where the cut is so deep.
+Int4 is_off(const Borders& border, const Float4 (&at_corners)[4], float most) {
+  Int4 off{};
+  for (int k = 0; k < 4; ++k)
+    off |= magnitude(at_corners[k] - (border.value + kSides[k & 1] * border.along +
+                                      kSides[k >> 1] * border.around)) > most;
+  return off;
+}
+
 }  // namespace
 
 // The latest part of the way for which `holds` does; null if there is none.
@@ -392,18 +402,12 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   };
   const Borders border = border_of_part(Parts::Part::whole(), middle);
   // Where the border is straight, or far from the piece, one part tells.
-  constexpr float kSides[] = {-1, 1};
   const Place corners[kPieces] = {
       beside(here, kSides[0], kSides[0]), beside(here, kSides[1], kSides[0]),
       beside(here, kSides[0], kSides[1]), beside(here, kSides[1], kSides[1])};
   Float4 at_corners[kPieces];
   near.at_and_keep_deepest(corners, at_corners);
-  Int4 bent{};
-  for (int k = 0; k < kPieces; ++k) {
-    const Float4 off = at_corners[k] - (border.value + kSides[k & 1] * border.along +
-                                        kSides[k >> 1] * border.around);
-    bent |= magnitude(off) > kStraightBorder * voxel;
-  }
+  const Int4 bent = is_off(border, at_corners, kStraightBorder * voxel);
   const auto rise_of = [&](const KnownSweep::Sample& taken) {
     return cut.rise(scan.frame.gradients({taken.value, taken.gx, taken.gy, taken.gz}));
   };
@@ -452,8 +456,10 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   const Float4 soon = s.moves;
   s.moves = divided ? all4(kUnlimited) : s.moves;
   s.note_crossing(divided, border.value, border.along, border.around, rise_of(middle), kBentMoves);
-  if (any(good & bent)) s.note_rate(good, s.per_way.share);
-  if (!any(good & bent)) s.moves = good & sure ? all4(kStraightMoves * voxel) : soon;
+  if (any(good & bent))
+    s.note_rate(good, s.per_way.share);
+  else
+    s.moves = good & sure ? all4(kStraightMoves * voxel) : soon;
   s.by_sweeps = good;
   return good;
 }

@@ -44,7 +44,7 @@ struct ToothParts {
   // files.
   std::optional<std::array<PackedLevelSet, 3>> tissues = std::nullopt;
   std::optional<CutWay> way =
-      std::nullopt;  // of the last session's bur, unless something else cut since
+      std::nullopt;  // of the burs that cut it, unless something else cut since
 };
 
 struct LayeredTooth {  // the anatomy, and what remains of it
