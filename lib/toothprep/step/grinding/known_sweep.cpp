@@ -9,9 +9,9 @@ namespace {
 constexpr double kNoWay = 2e-4;  // mm
 // Of a way that goes aside by less than this (sine) the outline isn't drawn.
 constexpr double kSquareAtLeast = 0.1, kNotAside = 1e-9;
-constexpr int kHalvings = 18;       // of it, until where it is deepest
-constexpr float kSame = 1e-4f;      // a depth, per way
-constexpr float kNoRadius = 1e-6f;  // mm
+constexpr int kTimesHalved = 18;          // of it, until where it is deepest
+constexpr float kSameDepthOnWay = 1e-4f;  // a depth, per way
+constexpr float kNoRadius = 1e-6f;        // mm
 
 }  // namespace
 
@@ -72,14 +72,14 @@ KnownSweep::Sample KnownSweep::where_it_stood(const Float4& way, const Across& a
 // more.
 Float4 KnownSweep::deepest_on_way(const Across& at) const noexcept {
   Float4 from{}, to = all4(length_);
-  for (int i = 0; i < kHalvings; ++i) {
+  for (int i = 0; i < kTimesHalved; ++i) {
     const Float4 way = 0.5f * (from + to), ahead = at.ahead - ahead_ * way,
                  r = square_root(at.beside * at.beside + ahead * ahead);
     const ConvexProfile::Sample s = standing_->at(r, at.axial - axial_ * way);
     const Float4 falls = s.by_r * ahead / greatest(r, all4(kNoRadius)) * ahead_ + s.by_z * axial_;
     // Beside a side along the way it stays the same.
-    from = falls < kSame ? way : from;
-    to = falls > -kSame ? way : to;
+    from = falls < kSameDepthOnWay ? way : from;
+    to = falls > -kSameDepthOnWay ? way : to;
   }
   return 0.5f * (from + to);
 }
