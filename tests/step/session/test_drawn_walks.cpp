@@ -63,7 +63,7 @@ std::vector<LegEnergy> energies_of(const std::vector<Vec3>& walk, const Bur& bur
   for (std::size_t leg = 1; leg < walk.size(); ++leg) {
     const Vec3 way = walk[leg] - walk[leg - 1];
     const bool sinks = way.y() != 0 && std::hypot(way.x(), way.z()) > 0;
-    const int parts = sinks ? 60 : 1;  // a slope's places count where the tip passes nearest
+    const int parts = sinks ? 60 : 1;
     std::fill(fresh.begin(), fresh.end(), 0.0F);
     for (int part = 0; part < parts; ++part) {
       const Vec3 from = walk[leg - 1] + way * part / parts, along = way / parts;
@@ -79,14 +79,23 @@ std::vector<LegEnergy> energies_of(const std::vector<Vec3>& walk, const Bur& bur
       for (int i = x0; i < x1; ++i)
         for (int k = z0; k < z1; ++k) {
           const double x = place(i) - from.x(), z = place(k) - from.z();
-          const double t =
-              square > 0 ? std::clamp((x * along.x() + z * along.z()) / square, 0.0, 1.0) : 0;
-          const double r = std::hypot(x - t * along.x(), z - t * along.z());
-          if (r >= underside.radius()) continue;
-          const double y =
-              square > 0 ? from.y() + t * along.y() : std::min(from.y(), from.y() + along.y());
           float& most = fresh[static_cast<std::size_t>(i) * n + k];
-          most = std::max(most, static_cast<float>(-y - underside.at(r)));
+          const auto take = [&](double t) {
+            const double r = std::hypot(x - t * along.x(), z - t * along.z());
+            if (r >= underside.radius()) return;
+            const double y =
+                square > 0 ? from.y() + t * along.y() : std::min(from.y(), from.y() + along.y());
+            most = std::max(most, static_cast<float>(-y - underside.at(r)));
+          };
+          const double nearest = square > 0 ? (x * along.x() + z * along.z()) / square : 0;
+          take(std::clamp(nearest, 0.0, 1.0));
+          if (!sinks) continue;
+          // A flat end takes most when its rim leaves, a round one before that.
+          const double rim = underside.radius() - 1e-9,
+                       aside = x * x + z * z - nearest * nearest * square,
+                       leaves = nearest + std::sqrt(std::max(0.0, rim * rim - aside) / square);
+          take(std::clamp(leaves, 0.0, 1.0));
+          take(std::clamp(0.5 * (nearest + leaves), 0.0, 1.0));
         }
     }
     LegEnergy energy{0, 0};

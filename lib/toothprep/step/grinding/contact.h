@@ -204,14 +204,15 @@ class ContactModel {
   static AtBorder look_at(const Scan& scan, const CutOfPieces& cut, const Float4& x,
                           const Float4& y, const Place& middle, const Int4& wanted) noexcept;
   void cover_by_far_walls(const Scan& scan, const CutOfPieces& cut, const Int4& may_count,
-                          Lanes& lanes) const noexcept;
+                          const Int4& lessened, Lanes& lanes) const noexcept;
   Int4 cover_by_slots(const Scan& scan, const CutOfPieces& cut, const Place& far,
                       const Float4& from_print, const Int4& wanted, Lanes& lanes) const noexcept;
   static void cover_by(const Slots& slots, const Int4& one, const Int4& two, Lanes& lanes) noexcept;
   const KnownSweep* known(const Scan& scan, SweepHistory::Number number) const noexcept;
   Float4 taken_by_sweeps(const Scan& scan, int element, const Place& at) noexcept;
   Int4 cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                       const Int4& wanted, Lanes& lanes) const noexcept;
+                       const Int4& wanted, const Int4& lessened, Lanes& lanes) const noexcept;
+  static Int4 cover_whole(const Int4& where, Lanes& lanes) noexcept;
   void cover_by_wall(const Scan& scan, const CutOfPieces& cut, const Place& far, const Int4& wanted,
                      Lanes& lanes) const noexcept;
   static Int4 cover_corners(const Scan& scan, const CutOfPieces& cut, const Place& far,

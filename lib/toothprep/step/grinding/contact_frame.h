@@ -270,6 +270,8 @@ struct ContactModel::Lanes : Crossing {
   void note_crossing(const Int4& counts, const Float4& value, const Float4& range_along,
                      const Float4& range_around, const Float4& along_way, float moves_for = kHolds);
   void note_rate(const Int4& counts, const Float4& per_way_of_share);
+  // Of which the shares are moved on, rather than left as they were found.
+  Int4 are_moved() const { return (rise != 0) | by_rates; }
   Float4 more_way() const;
 };
 
@@ -344,6 +346,7 @@ inline void ContactModel::Lanes::note_rate(const Int4& counts, const Float4& per
   const Float4 per_change = more_way() / greatest(magnitude(per_way_of_share), all4(kLeastExtent));
   stays = counts ? least(stays, kStays * per_change) : stays;
   holds = counts ? least(holds, kHolds * per_change) : holds;
+  moves = counts ? least(moves, kHolds * per_change) : moves;
 }
 
 // A field at the pieces of `counts`, with its value, half ranges over them and change along the way: the

@@ -126,7 +126,7 @@ void ContactModel::find_covered(const Scan& scan, int i, const Pieces& pieces, i
   standing.by_rates = s.by_rates, standing.per_way = s.per_way;
   standing.by_sweeps = are_told_by(s.by_sweeps, s);
   const double farthest = farthest_of(scan, s);
-  moves_[i] = simple ? std::min(farthest, until(s, s.rise != 0 ? s.moves : s.stays)) : -1;
+  moves_[i] = simple ? std::min(farthest, until(s, s.are_moved() ? s.moves : s.stays)) : -1;
   keep(i, farthest, s);
 }
 
@@ -152,7 +152,7 @@ void ContactModel::keep_cut(const Scan& scan, int i, const Lanes& s) noexcept {
   standing.cut_by_rates = s.by_rates, standing.cut_per_way = s.per_way;
   standing.cut_rise = s.rise;
   standing.cut_path = path_;
-  cut_moves_[i] = std::min(farthest_of(scan, s), until(s, s.rise != 0 ? s.moves : s.stays));
+  cut_moves_[i] = std::min(farthest_of(scan, s), until(s, s.are_moved() ? s.moves : s.stays));
 }
 
 // The same again, moved on.
@@ -180,9 +180,10 @@ void ContactModel::move_on(float path, Lanes& s) noexcept {
             within(moved(s.x, s.per_way.x, part.x), all4(1)),
             within(moved(s.y, s.per_way.y, part.y), all4(1))};
   }
-  const Int4 moves = s.rise != 0;
+  const Int4 moves = s.are_moved();
   s.cover(moves, part);
   s.note_crossing(moves, s.cut.value, s.cut.along, s.cut.around, s.rise);
+  s.note_rate(s.by_rates, s.per_way.share);
 }
 
 // Until where a way of the pieces leads. What doesn't advance counts only once the motion turns, which is way as well.
@@ -288,9 +289,9 @@ void ContactModel::cover(const Scan& scan, const PieceAxes& axes, const Pieces& 
                          KeptCells& farther, Lanes& s) const noexcept {
   const CutOfPieces cut(scan, axes, walls_, pieces, first, s);
   const Int4 may_count = s.live;
-  const Float4 surface = cover_here(scan, cut, s);
+  const Float4 surface = cover_here(scan, cut, s), here = s.share;
   if (any(s.live)) cover_ahead(scan, cut, surface, farther, s);
-  cover_by_far_walls(scan, cut, may_count, s);
+  cover_by_far_walls(scan, cut, may_count, s.share < here, s);
 }
 
 // As it is at the surface: a wall that was ground before counts no earlier than it is reached. Returns the cut's

@@ -365,10 +365,14 @@ Float4 ContactModel::taken_by_sweeps(const Scan& scan, int i, const Place& at) n
   return near.known ? near.at(at).value : Float4{};
 }
 
-// Pieces around which the parts that cut there are known; the others are left. `far`: their middles, farther ahead.
+// Pieces around which the parts that cut there are known; the others are left. `far`: their middles, farther ahead. Where a
+// sample a little ahead `lessened` what is covered and nothing but the part that leads here cut around a piece, all of it is
+// tissue: what was found ahead lies beyond it.
 Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, const Place& far,
-                                   const Int4& wanted, Lanes& s) const noexcept {
-  if (way_ < *s.parts_from) return Int4{};
+                                   const Int4& wanted, const Int4& lessened,
+                                   Lanes& s) const noexcept {
+  const Int4 may_be_whole = wanted & lessened;
+  if (way_ < *s.parts_from && !any(may_be_whole)) return Int4{};
   const float voxel = cut.voxel;
   const Float4 rim = cut.half_along + cut.half_around;
   // In the middle of the step to come, so that a wall that is met head-on counts neither early nor late.
@@ -384,11 +388,12 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   NearSweeps near(*this, scan, wanted);
   if (!near.find_around(here, far, kAheadOfPiece * voxel * s.unit, beside)) {
     *s.parts_from = way_ + kNoPartsAhead * static_cast<double>(voxel);
-    return Int4{};
+    return near.count == 0 ? cover_whole(near.known & may_be_whole, s) : Int4{};
   }
   const KnownSweep::Sample middle = near.at_and_keep_deepest(here, kToCorner * rim);
   const Int4 good = near.known & (middle.value > -rim - kBeyondRim * voxel);
-  if (!any(good)) return good;
+  const Int4 whole = cover_whole(near.known & may_be_whole & ~good, s);
+  if (!any(good)) return whole;
   const PieceAxes& axes = cut.axes;
   const auto border_of_part = [&](const Parts::Part& part, const KnownSweep::Sample& taken) {
     const Float4 x = all4(part.x), y = all4(part.y), wide = 1 + axes.widening * x,
@@ -461,7 +466,15 @@ Int4 ContactModel::cover_by_sweeps(const Scan& scan, const CutOfPieces& cut, con
   else
     s.moves = good & sure ? all4(kStraightMoves * voxel) : soon;
   s.by_sweeps = good;
-  return good;
+  return good | whole;
+}
+
+// All of these is tissue.
+Int4 ContactModel::cover_whole(const Int4& where, Lanes& s) noexcept {
+  s.cover(where, {all4(1), Float4{}, Float4{}});
+  s.cut.replace(where, Borders::none());
+  s.rise = where ? Float4{} : s.rise;
+  return where;
 }
 
 }  // namespace toothprep

@@ -44,11 +44,13 @@ Float4 turned(const FourSamples& a, const FourSamples& b) {
 }  // namespace
 
 // Walls along the motion that the samples at the surface and ahead don't tell of. `may_count`: the pieces that do
-// if they are covered.
+// if they are covered. `lessened`: of these less was found to be covered a little ahead than at the surface.
 void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
-                                      const Int4& may_count, Lanes& s) const noexcept {
+                                      const Int4& may_count, const Int4& lessened,
+                                      Lanes& s) const noexcept {
   // Deeper in the void than the print makes it and than half of a piece is large, no wall crosses it.
-  const Int4 near = s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel;
+  const Int4 near =
+      (s.cut.value < cut.half_along + cut.half_around + kRounded * cut.voxel) | lessened;
   Int4 others = may_count & near;
   if (!any(others)) return;
   // The print falls behind by `advance` of the way, and by its curvature along the motion. With fine voxels it is out of
@@ -88,7 +90,7 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
     const Float4 way_there = way_from_print(kGrooveFromPrint);
     Int4 beside_slots = others & (s.advance > 0);  // ahead of others lies the bur itself
     if (by_sweeps && any(beside_slots)) {
-      others &= ~cover_by_sweeps(scan, cut, ahead(way_there), beside_slots, s);
+      others &= ~cover_by_sweeps(scan, cut, ahead(way_there), beside_slots, lessened, s);
       beside_slots &= others;
     }
     for (int p = 0; p < kPieces; ++p) beside_slots[p] &= way_ < (*s.slots_from)[p] ? 0 : -1;

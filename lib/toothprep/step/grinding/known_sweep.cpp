@@ -12,6 +12,7 @@ constexpr double kSquareAtLeast = 0.1, kNotAside = 1e-9;
 constexpr int kTimesHalved = 18;          // of it, until where it is deepest
 constexpr float kSameDepthOnWay = 1e-4f;  // a depth, per way
 constexpr float kNoRadius = 1e-6f;        // mm
+constexpr float kNoFall = 1e-6f;          // of a depth, per way
 
 }  // namespace
 
@@ -49,39 +50,43 @@ void KnownSweep::put(const Lattice& lattice, const Index3& base) noexcept {
   put_one(Vec3(along_.y(), -along_.x(), 0), b_), put_one(along_, a_), put_one(Vec3::UnitZ(), z_);
 }
 
-KnownSweep::Sample KnownSweep::sample_of(const Float4& value, const Float4& by_beside,
-                                         const Float4& by_ahead,
-                                         const Float4& by_axial) const noexcept {
+KnownSweep::Sample KnownSweep::sample_of(const Stood& of) const noexcept {
   const auto gradient = [&](int i) {
-    return by_beside * b_[i] + by_ahead * a_[i] + by_axial * z_[i];
+    return of.by_beside * b_[i] + of.by_ahead * a_[i] + of.by_axial * z_[i];
   };
-  return {value, gradient(0), gradient(1), gradient(2)};
+  return {of.value, gradient(0), gradient(1), gradient(2)};
 }
 
-// As of the bur that stands so far along the way.
-KnownSweep::Sample KnownSweep::where_it_stood(const Float4& way, const Across& at) const noexcept {
+KnownSweep::Stood KnownSweep::where_it_stood(const Float4& way, const Across& at) const noexcept {
   const Float4 ahead = at.ahead - ahead_ * way,
                r = square_root(at.beside * at.beside + ahead * ahead),
                per_r = 1 / greatest(r, all4(kNoRadius));
   const ConvexProfile::Sample s = standing_->at(r, at.axial - axial_ * way);
   const Float4 by_r = per_r * s.by_r;
-  return sample_of(s.value, by_r * at.beside, by_r * ahead, s.by_z);
+  return {s.value, by_r * at.beside, by_r * ahead, s.by_z};
 }
 
-// How far on the way it is where places lie deepest: on a straight way that is where their depth, which is concave, rises no
-// more.
-Float4 KnownSweep::deepest_on_way(const Across& at) const noexcept {
-  Float4 from{}, to = all4(length_);
-  for (int i = 0; i < kTimesHalved; ++i) {
-    const Float4 way = 0.5f * (from + to), ahead = at.ahead - ahead_ * way,
-                 r = square_root(at.beside * at.beside + ahead * ahead);
-    const ConvexProfile::Sample s = standing_->at(r, at.axial - axial_ * way);
-    const Float4 falls = s.by_r * ahead / greatest(r, all4(kNoRadius)) * ahead_ + s.by_z * axial_;
-    // Beside a side along the way it stays the same.
-    from = falls < kSameDepthOnWay ? way : from;
-    to = falls > -kSameDepthOnWay ? way : to;
+// As of the bur that stood where places lie deepest: on a straight way that is where their depth, which is concave, rises no
+// more. Where it falls there at once, an edge of the bur made the wall, which runs along the way, between its two faces.
+KnownSweep::Stood KnownSweep::deepest_on_way(const Across& at) const noexcept {
+  const auto falls = [&](const Stood& of) { return of.by_ahead * ahead_ + of.by_axial * axial_; };
+  // Beside a side along the way it stays the same.
+  const auto may_rise = [&](const Float4& fall) { return fall < kSameDepthOnWay; };
+  const auto may_fall = [&](const Float4& fall) { return fall > -kSameDepthOnWay; };
+  const Int4 at_end = may_rise(falls(where_it_stood(all4(length_), at))),
+             at_start = may_fall(falls(where_it_stood(Float4{}, at))) & ~at_end;
+  Float4 from = at_end ? all4(length_) : Float4{}, to = at_start ? Float4{} : all4(length_);
+  for (int i = 0; i < kTimesHalved && any(from < to); ++i) {
+    const Float4 way = 0.5f * (from + to), fall = falls(where_it_stood(way, at));
+    from = may_rise(fall) ? way : from;
+    to = may_fall(fall) ? way : to;
   }
-  return 0.5f * (from + to);
+  const Stood before = where_it_stood(from, at), after = where_it_stood(to, at);
+  const Float4 rises = greatest(-falls(before), Float4{}),
+               part = rises / greatest(rises + greatest(falls(after), Float4{}), all4(kNoFall));
+  const auto between = [&](const Float4& a, const Float4& b) { return a + part * (b - a); };
+  return {greatest(before.value, after.value), between(before.by_beside, after.by_beside),
+          between(before.by_ahead, after.by_ahead), between(before.by_axial, after.by_axial)};
 }
 
 KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4& z,
@@ -96,19 +101,20 @@ KnownSweep::Sample KnownSweep::at(const Float4& x, const Float4& y, const Float4
   if (!leans_) {
     const Float4 way = at.ahead / ahead_;
     note_beyond(way);
-    return where_it_stood(on_way(way), at);
+    return sample_of(where_it_stood(on_way(way), at));
   }
   if (is_along_) {
     note_beyond(all4(0.5f * length_));  // of neither end alone, as far as is known
-    return where_it_stood(deepest_on_way(at), at);
+    return sample_of(deepest_on_way(at));
   }
   const SweptOutline::Sample s = outline_.at(at.beside, at.axial - rise_ * at.ahead);
   const Float4 way = (at.ahead - s.ahead) / ahead_, by_r = s.by_r / greatest(s.r, all4(kNoRadius));
   note_beyond(way);
-  const Sample deepest = sample_of(s.value, by_r * at.beside, by_r * s.ahead, s.by_z);
+  const Sample deepest = sample_of({s.value, by_r * at.beside, by_r * s.ahead, s.by_z});
   const Float4 stood = on_way(way);
   const Int4 is_beyond = (stood != way) | (s.value == SweptOutline::kUnknown);
-  return any(is_beyond) ? chosen(is_beyond, where_it_stood(stood, at), deepest) : deepest;
+  return any(is_beyond) ? chosen(is_beyond, sample_of(where_it_stood(stood, at)), deepest)
+                        : deepest;
 }
 
 }  // namespace toothprep

@@ -47,10 +47,13 @@ class KnownSweep {
   struct Across {
     Float4 beside, ahead, axial;
   };
-  Sample where_it_stood(const Float4& way, const Across& at) const noexcept;
-  Float4 deepest_on_way(const Across& at) const noexcept;
-  Sample sample_of(const Float4& value, const Float4& by_beside, const Float4& by_ahead,
-                   const Float4& by_axial) const noexcept;
+  // How deep places lie in the bur that stands somewhere on the way, and how that changes per mm.
+  struct Stood {
+    Float4 value, by_beside, by_ahead, by_axial;
+  };
+  Stood where_it_stood(const Float4& way, const Across& at) const noexcept;
+  Stood deepest_on_way(const Across& at) const noexcept;
+  Sample sample_of(const Stood& of) const noexcept;
 
   StraightSweep sweep_;
   bool known_ = false;
