@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kAir = 0.1;               // mm above the block
 constexpr double kWide = 1.1, kLow = 0.9;  // mm, that walks go aside and down
-constexpr double kCell = 0.005;            // mm, of the grid
+constexpr double kCell = 0.0025;           // mm, of the grid
 constexpr std::size_t kLegs = 15;
 
 // Places of the tip: y upwards from the block's top face.

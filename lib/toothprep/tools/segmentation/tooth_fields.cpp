@@ -285,7 +285,7 @@ LayeredTooth tooth_of(const WorkBox& box, const ToothFields& fields, const WorkB
     along[a] = weights_along(a, box, tooth.lattice, tooth.solid.first_brick()[a] * kBrickEdge,
                              counts[a] * kBrickEdge, taps);
   const double ratio = voxels.lattice.voxel / box.lattice.voxel;
-  const int at_once = std::max(2, static_cast<int>(std::lround(2 / ratio)));  // layers of bricks
+  const int at_once = std::max(2, static_cast<int>(std::lround(3 / ratio)));  // layers of bricks
   std::mutex insert;
   tbb::parallel_for(0, (counts.z() + at_once - 1) / at_once, [&](int part) {
     const int z = part * at_once, z_end = std::min(counts.z(), z + at_once);
