@@ -103,9 +103,10 @@ TEST(KnownSweep, TellsHowFarPlacesLieWithinWhatABurTookOnItsWay) {
   const Index3 base(7, -4, 12);
   for (const Bur& bur : every_bur()) {
     const ConvexProfile standing(bur.profile());
-    for (const Vec3& way : {Vec3(0.05, 0, 0), Vec3(0.7, -0.6, 0), Vec3(0.08, 0.01, 0.004),
-                            Vec3(-0.06, 0, -0.0045), Vec3(0.1, 0.02, 0.04), Vec3(0.3, 0.4, -0.3),
-                            Vec3(0, 0, -0.3), Vec3(0, 0, 0.05), Vec3(0.01, -0.02, -0.4)}) {
+    for (const Vec3& way :
+         {Vec3(0.05, 0, 0), Vec3(0.7, -0.6, 0), Vec3(0.08, 0.01, 0.004), Vec3(-0.06, 0, -0.0045),
+          Vec3(0.1, 0.02, 0.04), Vec3(0.3, 0.4, -0.3), Vec3(0, 0, -0.3), Vec3(0, 0, 0.05),
+          Vec3(0.01, -0.02, -0.4), Vec3(0.0004, 0.0001, -0.1284)}) {
       const StraightSweep sweep{Pose{Vec3(1, 2, 3), turned}, turned * way};
       const double length = way.norm();
       KnownSweep known;
@@ -130,6 +131,12 @@ TEST(KnownSweep, TellsHowFarPlacesLieWithinWhatABurTookOnItsWay) {
         const double ahead = 0.01 * g.norm() * g.norm(),
                      by = double{value_at(at + 0.01 * (turned.conjugate() * g)).value[0]};
         EXPECT_LT(by - double{s.value[0]}, ahead + kAllowed);
+        // Where it changes evenly, in any direction.
+        const Vec3 step = 0.005 * Vec3(draw(-1, 1), draw(-1, 1), draw(-1, 1)).normalized();
+        const double later{value_at(at + step).value[0]}, before{value_at(at - step).value[0]};
+        if (std::abs(later + before - 2 * double{s.value[0]}) > 1e-4) continue;
+        EXPECT_NEAR(0.5 * (later - before), g.dot(turned * step), 4e-4)
+            << bur.name() << ", way " << way.transpose() << ", at " << at.transpose();
       }
     }
   }
