@@ -108,7 +108,7 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
 // lattice has no less void.
 Int4 ContactModel::reaches_here(const Scan& scan, const Place& far, const Float4& value, Int4 where,
                                 const Lanes& s) noexcept {
-  if (scan.farther || !any(where)) return where;  // along arcs that isn't looked at
+  if (!any(where)) return where;
   const Float4 x = s.ix - s.ahead.x(), y = s.iy - s.ahead.y(), z = s.iz - s.ahead.z();
   const IndexFrame& f = scan.frame;
   const float less = kLessBetween * static_cast<float>(scan.workpiece.voxel());
