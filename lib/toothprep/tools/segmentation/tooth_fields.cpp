@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <mutex>
 
 #include "toothprep/tools/segmentation/iso_distance.h"
+#include "toothprep/tools/segmentation/wide_vectors.h"
 
 namespace toothprep {
 
@@ -127,7 +129,7 @@ class BrickLayers {
     iso_distance_in(box.size, {&fields.solid, distance_[0].data(), nullptr}, reach_, first, last);
     near_solid_ = whole_rows();
     shorten(near_solid_, [&](std::size_t o) { return distance_[0][o] < reach_; });
-    find_tissues();
+    find_distances();
   }
 
   // The brick with its voxels at these places; false if all of it is air.
@@ -147,10 +149,7 @@ class BrickLayers {
     const bool uniform = varies == std::array<bool, 4>{};
     for (std::size_t n = 0; n < 4 && !uniform; ++n)
       if (!varies[n]) brick.phi[n].fill(brick.phi[n][0]);
-    const int count = uniform ? 1 : kBrickVoxels;
-    for (int v = 0; v < count; ++v)
-      finish(v, {weights[0][v >> 6].first, weights[1][v >> 3 & 7].first, weights[2][v & 7].first},
-             voxel, brick);
+    with_wide_vectors([&] { finish(uniform ? 1 : kBrickVoxels, weights, voxel, brick); });
     if (!uniform) return true;
     brick.label.fill(brick.label[0]);
     for (auto& phi : brick.phi) phi.fill(phi[0]);
@@ -159,6 +158,8 @@ class BrickLayers {
 
  private:
   static constexpr float kTiny = 1e-6f;
+  static constexpr auto kAir = static_cast<std::int32_t>(Tissue::kAir),
+                        kOther = static_cast<std::int32_t>(Tissue::kOther);
 
   std::size_t offset(int i, int j, int k) const {
     return (static_cast<std::size_t>(k - first_) * static_cast<std::size_t>(size_.y()) +
@@ -178,38 +179,63 @@ class BrickLayers {
     return true;
   }
 
-  // Label and level sets of voxel v of a brick, from its distances. It comes from the fields' voxels from `first` on.
-  void finish(int v, const Index3& first, double voxel, Brick& brick) const {
-    const auto band = static_cast<float>(kBandVoxels * voxel);
+  // Labels and level sets of the first voxels of a brick, from its distances.
+  void finish(int count, const std::array<EdgeWeights, 3>& weights, double voxel,
+              Brick& brick) const {
+    const auto band = static_cast<float>(kBandVoxels * voxel), far = (1 - 1e-6f) * band_;
     const auto mm = static_cast<float>(box_.lattice.voxel);
     // What is far away is at the band's very end: single precision's 3 * 0.12 is not 0.36.
-    const auto to_mm = [&](float voxels) {
-      return std::abs(voxels) < (1 - 1e-6f) * band_ ? std::clamp(voxels * mm, -band, band)
-                                                    : std::copysign(band, voxels);
+    const auto to_mm = [band, far, mm](float voxels) {
+      const float in_band = std::min(std::max(voxels * mm, -band), band);
+      return std::abs(voxels) < far ? in_band : std::copysign(band, voxels);
     };
-    const float solid = brick.phi[0][v];
-    const Tissue tissue = solid < 0 ? tissue_at(brick, v, first) : Tissue::kAir;
-    brick.label[v] = static_cast<std::uint8_t>(tissue);
-    for (std::size_t n = 1; n < 4; ++n) {
-      float own = brick.phi[n][v];
-      // Its level set says the same as its label.
-      if (tissue != Tissue::kAir)
-        own = brick.label[v] == n ? std::min(own, -kTiny) : std::max(own, kTiny);
-      brick.phi[n][v] = to_mm(std::max(own, solid));
+    const Tissues tissues = find_tissues(count, weights, brick);
+    float* const solid = brick.phi[0].data();
+    for (int n = 1; n < 4; ++n) {
+      float* const phi = brick.phi[static_cast<std::size_t>(n)].data();
+      for (int v = 0; v < count; ++v) {
+        // Its level set says the same as its label.
+        const float own = phi[v], within = std::min(own, -kTiny), outside = std::max(own, kTiny),
+                    as_label = tissues[v] == n ? within : outside;
+        phi[v] = to_mm(std::max(tissues[v] == kAir ? own : as_label, solid[v]));
+      }
     }
-    brick.phi[0][v] = to_mm(solid);
+    for (int v = 0; v < count; ++v) solid[v] = to_mm(solid[v]);
+    for (int v = 0; v < count; ++v) brick.label[v] = static_cast<std::uint8_t>(tissues[v]);
   }
 
-  // Of voxel v of a brick, which lies in the solid and comes from those of the fields from `first` on.
-  Tissue tissue_at(const Brick& brick, int v, const Index3& first) const {
-    std::size_t deepest = 0;
-    for (std::size_t n = 1; n < 4; ++n)
-      if (!distance_[n].empty() && (deepest == 0 || brick.phi[n][v] < brick.phi[deepest][v]))
-        deepest = n;
-    if (deepest != 0 && (brick.phi[deepest][v] < 0 || !beside_other(first)))
-      return static_cast<Tissue>(deepest);
-    return Tissue::kOther;
+  // The tissue of each voxel that lies in the solid: that which it lies deepest in.
+  using Tissues = std::array<std::int32_t, kBrickVoxels>;  // as wide as distances
+  Tissues find_tissues(int count, const std::array<EdgeWeights, 3>& weights,
+                       const Brick& brick) const {
+    const float* const solid = brick.phi[0].data();
+    Tissues tissues;
+    std::array<float, kBrickVoxels> least;
+    tissues.fill(kOther);
+    least.fill(std::numeric_limits<float>::infinity());
+    for (int n = 1; n < 4; ++n) {
+      if (distance_[static_cast<std::size_t>(n)].empty()) continue;
+      const float* const phi = brick.phi[static_cast<std::size_t>(n)].data();
+      for (int v = 0; v < count; ++v) {
+        const float own = phi[v], before = least[v];
+        tissues[v] = own < before ? n : tissues[v];
+        least[v] = own < before ? own : before;
+      }
+    }
+    std::int32_t outside_all = 0;  // of the tissues, in the solid
+    for (int v = 0; v < count; ++v) {
+      const std::int32_t inside = solid[v] < 0 ? 1 : 0, none = least[v] >= 0 ? 1 : 0;
+      tissues[v] = inside != 0 ? tissues[v] : kAir;
+      outside_all |= inside & none;
+    }
+    for (int v = 0; v < count && outside_all > 0; ++v)
+      if (solid[v] < 0 && least[v] >= 0 &&
+          beside_other(
+              {weights[0][v >> 6].first, weights[1][v >> 3 & 7].first, weights[2][v & 7].first}))
+        tissues[v] = kOther;
+    return tissues;
   }
+  // Whether a voxel that comes from those of the fields from `first` on lies beside one.
   bool beside_other(const Index3& first) const {
     for (int n = 0; n < (taps_ == 1 ? 1 : 8); ++n) {
       const Index3 at =
@@ -240,7 +266,7 @@ class BrickLayers {
   // The dentin's surface is for the most part enamel's and the pulp's from the other side. A tissue's
   // distance doesn't matter where the solid's is the larger for sure: beyond the solid's band, and, of a place
   // that isn't between others, outside the solid where the tissue's field is inside.
-  void find_tissues() {
+  void find_distances() {
     const std::size_t before = static_cast<std::size_t>(first_) * area_;
     std::vector<IsoField> tissues;  // dentin first
     std::array<std::vector<RowPart>, 3> wanted;
