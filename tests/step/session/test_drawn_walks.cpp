@@ -170,7 +170,7 @@ TEST(DrawnWalks, OfAPlainCylinderAreNearlyRightAtHalfOfThat) {
   expect_walks("cylinder:D1.2xL4.0", 0.05, 0.65, 1.6);
 }
 TEST(DrawnWalks, OfARoundedCornerAreRightAtATenthOfAMillimetre) {
-  expect_walks("cylinder:D1.2xL4.0xR0.3", 0.1, 0.35, 1.2);
+  expect_walks("cylinder:D1.2xL4.0xR0.3", 0.1, 0.35, 1);
 }
 TEST(DrawnWalks, OfARoundedCornerAreNearlyRightAtHalfOfThat) {
   expect_walks("cylinder:D1.2xL4.0xR0.3", 0.05, 0.5, 0.9);
