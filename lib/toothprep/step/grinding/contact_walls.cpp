@@ -104,8 +104,8 @@ void ContactModel::cover_by_far_walls(const Scan& scan, const CutOfPieces& cut,
   if (any(others)) cover_by_wall(scan, cut, ahead(way), others, s);
 }
 
-// Of pieces, those that what was found ahead, at their middles `far` with that value (mm), reaches: on the way there the
-// lattice has no less void.
+// Of pieces, those that what was found ahead, at their middles `far` with that value (mm), reaches: on the way there,
+// straight also where the path is an arc, the lattice has no less void.
 Int4 ContactModel::reaches_here(const Scan& scan, const Place& far, const Float4& value, Int4 where,
                                 const Lanes& s) noexcept {
   if (!any(where)) return where;
